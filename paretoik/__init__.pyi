@@ -22,8 +22,16 @@ from .formulations.posture import Posture as Posture
 from .formulations.time_optimal import TimeOptimalControl as TimeOptimalControl
 from .formulations.tracking import Tracking as Tracking
 from .formulations.tuning import Tuning as Tuning
+from .front.compromise import Compromise as Compromise
 from .front.front import Choice as Choice
 from .front.front import Front as Front
+from .front.front import Preference as Preference
+from .front.preferences import Aspiration as Aspiration
+from .front.preferences import Bounds as Bounds
+from .front.preferences import Classify as Classify
+from .front.preferences import Knee as Knee
+from .front.preferences import Lexicographic as Lexicographic
+from .front.preferences import Robust as Robust
 from .front.preferences import Weights as Weights
 from .resolution import measures as measures
 from .resolution import methods as methods

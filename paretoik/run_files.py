@@ -32,6 +32,7 @@ TRACES = "traces.npz"
 POLYGON = "polygon.npz"
 DRAWING = "picture.png"
 CHECKPOINT = "checkpoint"
+CHOICES = "choices.json"
 CONTENTS = (
     RUN,
     TABLE,
@@ -46,6 +47,7 @@ CONTENTS = (
     POLYGON,
     DRAWING,
     CHECKPOINT,
+    CHOICES,
 )
 
 
@@ -70,7 +72,7 @@ def replace_file(file: Path, content: bytes) -> None:
 
 
 def run_bytes(entries: Mapping[str, Any]) -> bytes:
-    """Return the content of a `run.json`: the format, `entries`, and the digest of both.
+    """Return the content of a `run.json` or `choices.json`: the format, `entries`, and the digest of both.
 
     Raises TypeError or ValueError where an entry is no strict JSON.
     """
@@ -83,8 +85,8 @@ def write_run(folder: Path, entries: Mapping[str, Any]) -> None:
     replace_file(folder / RUN, run_bytes(to_json(entries)))
 
 
-def read_run(file: Path) -> dict[str, Any]:
-    """Return the entries of a `run.json` of this format, its digest not yet checked.
+def read_run(file: Path, *, kind: str = "a run") -> dict[str, Any]:
+    """Return the entries of a `run.json` of this format, or of a file of another ``kind``, its digest not yet checked.
 
     Raises InvalidRun where the file is missing, a link, no strict JSON, no run, or of another format.
     """
@@ -94,10 +96,16 @@ def read_run(file: Path) -> dict[str, Any]:
     except (ValueError, RecursionError) as fault:
         raise InvalidRun(f"{file}: wanted strict JSON, got {fault}") from fault
     if not isinstance(run, dict) or "format" not in run:
-        raise InvalidRun(f"{file}: wanted a run, got JSON without a format")
+        raise InvalidRun(f"{file}: wanted {kind}, got JSON without a format")
     if run["format"] != FORMAT:
         raise InvalidRun(f"{file}: wanted format {FORMAT}, got {run['format']!r}; it needs another version of paretoik")
     return run
+
+
+def check_digest(file: Path, run: dict[str, Any]) -> None:
+    """Take the digest out of what was read of a file; raises InvalidRun where it is not that of the rest."""
+    if run.pop("digest", None) != digest(run):
+        raise InvalidRun(f"{file}: wanted it as it was written, got contents that do not match their digest")
 
 
 def is_run(file: Path) -> bool:

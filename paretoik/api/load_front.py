@@ -10,6 +10,7 @@ from typing import Any
 from paretoik.errors import InvalidInput, ParetoikError
 from paretoik.formulations.protocol import restore_motions
 from paretoik.front.front import Front
+from paretoik.front.subset import attach
 from paretoik.inputs import file_path
 from paretoik.loading import fingerprint, load_problem
 
@@ -36,4 +37,4 @@ def load_front(folder: str | Path, problem: Any = None) -> Front:
         return front
     if fingerprint(problem) != front.provenance.get("fingerprint"):
         raise InvalidInput(f"{folder}: wants the problem that the run solved, but its fingerprint is another")
-    return replace(front, motions=restore_motions(problem, front), problem=problem)
+    return attach(replace(front, motions=restore_motions(problem, front), problem=problem), front.folder)

@@ -15,8 +15,8 @@ import numpy as np
 
 from paretoik.errors import InvalidRun
 from paretoik.front.joint_motions import StoredJoints, StoredMotions
-from paretoik.front.storage import array_bytes, check_digest, motion_arrays, read_motions, read_verified
-from paretoik.run_files import MOTIONS, OPTIMA, RUN, read_run, replace_file, run_bytes, to_json
+from paretoik.front.storage import array_bytes, motion_arrays, read_motions, read_verified
+from paretoik.run_files import MOTIONS, OPTIMA, RUN, check_digest, read_run, replace_file, run_bytes, to_json
 from paretoik.trajectory.plan import Plan
 
 HOLDS = "the optima of a plan, which load_plan opens"

@@ -23,7 +23,7 @@ from paretoik.execution.time_limit import check_time_limit
 from paretoik.formulations.protocol import Differentiable
 from paretoik.formulations.requirements import require_program
 from paretoik.front.front import Front
-from paretoik.inputs import check_flag, file_path
+from paretoik.inputs import check_flag
 from paretoik.loading import fingerprint
 from paretoik.nlp.minimise import check_solver
 from paretoik.nlp.program import Solver
@@ -43,7 +43,6 @@ def refine(
     time_limit: float | None = None,
     overwrite: bool = False,
     reference: str | None = None,
-    parent: str | Path | None = None,
     observe: Observer | bool | None = None,
 ) -> Front:
     """Return the front with every point refined to a local optimum no worse in any objective, and certified.
@@ -67,8 +66,6 @@ def refine(
     reference
         Where the problem can be loaded from (``file.py:name``), kept in the run for ``load_front``; by default what the
         front's own run says.
-    parent
-        The folder of the front's own run, kept in the new one's ``parent``.
     observe
         Called with a ``RunProgress`` after some points, refined or certified: ``done`` of ``total``. Where it returns
         true for refined ones, the others stay as they are. By default a bar shows it where stderr is a terminal; True
@@ -79,7 +76,7 @@ def refine(
 
     A point from which no solver finds better stays as it was, and its certificate says so. In the provenance of what is
     returned ``status`` says why it ended, ``counts`` how many points there were, converged and are better than they
-    were, ``parent`` what the provenance of the front was.
+    were, ``parent`` what the provenance of the front was, with the folder of its ``run``.
 
     Raises
     ------
@@ -87,7 +84,7 @@ def refine(
         Where the problem is not at hand or has no gradients, or an objective or limit has no derivative.
     """
     problem, formulation = _refinable(front, problem)
-    former = {**front.provenance, **({} if parent is None else {"run": str(file_path("parent", parent))})}
+    former = {**front.provenance, **({} if front.folder is None else {"run": str(front.folder)})}
     check_solver(formulation.program(), solver)
     check_time_limit(time_limit)
     check_flag("overwrite", overwrite)

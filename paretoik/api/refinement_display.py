@@ -45,7 +45,7 @@ class RefinementDisplay:
                 population=self._front.objectives,
                 front=front.objectives,
                 front_ids=front.ids,
-                hypervolume=self._hypervolume(front.minimised),
+                hypervolume=self._hypervolume.measure(front.minimised, number),
                 points=_marked(front),
                 origins=origins,
             )

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 import shlex
+import textwrap
 from collections.abc import Sequence
-from dataclasses import fields
-from itertools import permutations
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,11 +14,15 @@ import numpy as np
 
 from paretoik.api.run_text import front_heading
 from paretoik.formulations.protocol import is_loop
+from paretoik.front.choices import preference_data
 from paretoik.review.limits_between import describe_limits_between
 
 if TYPE_CHECKING:
     from paretoik.front.certificates import Certificates
     from paretoik.front.front import Choice, Front
+
+
+LINE = 100  # characters a line of running text
 
 
 def result_text(front: Front, out: Path) -> str:
@@ -67,19 +71,33 @@ def _front_lines(front: Front) -> list[str]:
 
 
 def choice_text(front: Front, choice: Choice) -> str:
-    """Return a chosen point, the reason of the choice, its certificate and its exchange rates."""
+    """Return a chosen point, the reason of the choice, and its certificate."""
     rows = [
         (f"  {name}", f"{value:.6g} {unit}")
         for name, unit, value in zip(front.names, front.units, choice.objectives, strict=True)
     ]
-    lines = [f"point {choice.id}", columns(rows), choice.reason]
+    lines = [f"point {choice.id}", columns(rows), textwrap.fill(choice.reason, LINE)]
     if front.certificates is not None:
-        certificate = front.certificates[[choice.index]]
-        lines += [certificate_text(certificate), *_exchange_rates(front, certificate)]
-        jumps = [pair for pair in front.jumps or () if choice.id in pair]
-        lines += [_jump_text(jumps)] if jumps else []
+        lines.append(certificate_text(front.certificates[[choice.index]]))
     lines += filter(None, [describe_limits_between(front, [choice.index])])
     return "\n".join(lines)
+
+
+def choice_entry(front: Front, choice: Choice) -> dict[str, Any]:
+    """Return a chosen point as data: its entry, the reason, and all that the reason is made from."""
+    return {
+        **entries(front)[choice.index],
+        "reason": choice.reason,
+        "verdict": choice.verdict,
+        "preference": None if choice.preference is None else preference_data(choice.preference),
+        "score": choice.score,
+        "details": choice.details,
+        "shares": dict(zip(front.names, choice.shares, strict=True)),
+        "ends": [asdict(each) for each in choice.ends],
+        "neighbours": [asdict(each) for each in choice.neighbours],
+        "rates": [asdict(each) for each in choice.rates],
+        "jumps": choice.jumps,
+    }
 
 
 def certificate_text(certificates: Certificates) -> str:
@@ -138,18 +156,3 @@ def columns(rows: Sequence[tuple[str, ...]]) -> str:
     return "\n".join(
         "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
     )
-
-
-def _exchange_rates(front: Front, certificate: Certificates) -> list[str]:
-    """Return how much of every other objective one unit of each costs, where that is certified."""
-    lines = []
-    for i, j in permutations(range(len(front.names)), 2):
-        low, high = np.sort(np.abs(certificate.exchange_intervals[0, i, j]))
-        if np.isfinite(high):
-            rate = f"{low:.4g}" if np.isclose(low, high, rtol=1e-3, atol=0.0) else f"{low:.4g} to {high:.4g}"
-            gain, cost = ("more" if front.maximised[i] else "less"), ("less" if front.maximised[j] else "more")
-            lines.append(
-                f"  1 {front.units[i]} {gain} of {front.names[i]} costs {rate} {front.units[j]} {cost} of "
-                f"{front.names[j]}"
-            )
-    return lines

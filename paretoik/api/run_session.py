@@ -148,12 +148,12 @@ class RunSession(VerbSession):
     def save_draft(self, front: Front) -> None:
         """Save a front, should what follows fail."""
         if self.folder is not None:
-            front.save(self.folder)
+            front.save(self.folder, overwrite=True)
             self.draft = front
 
     def finish(self, front: Front) -> None:
         """Save the final front."""
-        self.keep(front.save)
+        self.keep(lambda folder: front.save(folder, overwrite=True))
 
     def keep(self, save: Callable[[Path], object]) -> None:
         """Let the final result be saved into the run's folder."""
@@ -170,7 +170,7 @@ class RunSession(VerbSession):
         if self.draft is None:
             write_run(self.folder, {**self.provenance, **failure})
         else:
-            replace(self.draft, provenance={**self.draft.provenance, **failure}).save(self.folder)
+            replace(self.draft, provenance={**self.draft.provenance, **failure}).save(self.folder, overwrite=True)
 
 
 @dataclass(frozen=True, kw_only=True)

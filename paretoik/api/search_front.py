@@ -145,22 +145,25 @@ class FrontSearch:
         if not session.is_watched:
             return
         signs, front, failed = np.where(self.search.maximised, -1.0, 1.0), progress.front, progress.failed.count
-        volume = self._hypervolume(front)
+        number, curve = progress.generation, self._hypervolume
+        corner = curve.corner(front)
+        volume = None if session.observe is None else curve.measure(front, number)  # a recording computes its own
         generation = Generation(
-            number=progress.generation,
+            number=number,
             population=progress.population[np.isfinite(progress.population).all(axis=1)] * signs,
             front=front * signs,
             front_ids=progress.ids,
             hypervolume=volume,
+            reference=None if corner is None else corner * signs,
             failed=failed,
             points=() if session.recorder is None else self._motions.points(progress),
         )
         shown = RunProgress(
             stage="generation",
-            done=progress.generation,
+            done=number,
             total=self.generations,
             seconds=progress.seconds,
-            summary=f"front {len(front)}, hypervolume {volume:.4g}" + (f", {failed} failed" if failed else ""),
+            summary=f"front {len(front)}, {curve.summary(number)}" + (f", {failed} failed" if failed else ""),
             generation=generation,
             then="refinement" if self._solve_settings.refine else "",
         )

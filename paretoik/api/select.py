@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from os.path import relpath
 from pathlib import Path
 
 from paretoik.api.progress import Observer
 from paretoik.api.solve import solve
 from paretoik.errors import InvalidInput
 from paretoik.formulations.protocol import is_loop, reweigh
+from paretoik.front.choices import keep_choice
 from paretoik.front.front import Choice, Front, Preference
+from paretoik.front.preferences.requests import as_preference
 
 
 def select(
     front: Front,
-    preference: Preference,
+    preference: Preference | str | Mapping[str, float] | int,
     *,
     out: str | Path | None = None,
     overwrite: bool = False,
@@ -22,17 +26,28 @@ def select(
     """Return the point that a preference chooses, and the front that it belongs to.
 
     That is ``front`` itself, or, of a closed loop and other weights than its own, the front of a new run with them at
-    every step, kept in ``out``. ``overwrite`` and ``observe`` are those of ``solve``.
+    every step, kept in ``out``. The choice is kept in the run folder of the front that it belongs to; that of a new run
+    names the ``former`` one and the choice that was the present one there. ``overwrite`` and ``observe`` are those of
+    ``solve``.
 
     Raises InvalidInput where the preference does not suit the front, its loop cannot be loaded, or ``out`` has no
-    new run to hold; Infeasible where the front is empty or the loop blocked.
+    new run to hold; InvalidRun where the file of choices is damaged; Infeasible where the front is empty or the loop
+    blocked.
     """
+    preference = as_preference(preference)
     if front.problem is None and is_loop(front):
         raise InvalidInput("select: wants the closed loop that the run followed, but its problem cannot be loaded")
     problem = reweigh(front.problem, front, preference)
-    if problem is not None:
-        reference = front.provenance.get("problem")
-        front = solve(problem, out=out, overwrite=overwrite, reference=reference, observe=observe)
-    elif out is not None:
-        raise InvalidInput("out: wants a closed loop and other weights than its own, to keep a new run in")
-    return front, front.select(preference)
+    if problem is None:
+        if out is not None:
+            raise InvalidInput("out: wants a closed loop and other weights than its own, to keep a new run in")
+        return front, front.select(preference)
+    current = front.choices.current  # before the run, should its file be damaged
+    reference = front.provenance.get("problem")
+    selected = solve(problem, out=out, overwrite=overwrite, reference=reference, observe=observe)
+    choice = selected.select(preference, keep=False)
+    if selected.folder is not None:
+        run = None if front.folder is None else relpath(front.folder, selected.folder)
+        former = None if run is None else {"run": run, "choice": current}
+        keep_choice(selected, choice, preference, former=former)
+    return selected, choice

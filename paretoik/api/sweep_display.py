@@ -31,7 +31,7 @@ class SweepDisplay:
         self.levels, self.seconds_per_certificate = 0, 0.0
         self._session, self._formulation = session, formulation
         self._signs = np.where(formulation.maximised, -1.0, 1.0)
-        self._hypervolume, self._volume = HypervolumeCurve(), 0.0
+        self._hypervolume = HypervolumeCurve()
         self._steps = self._points = 0
         self._level = b""
         self._started: float | None = None  # of the sweep
@@ -71,7 +71,7 @@ class SweepDisplay:
                 population=front.objectives,
                 front=front.objectives,
                 front_ids=front.ids,
-                hypervolume=self._hypervolume(front.minimised),
+                hypervolume=self._hypervolume.measure(front.minimised, self._steps),
             )
             self._session.recorder.record(generation)
 
@@ -95,13 +95,12 @@ class SweepDisplay:
         generation = None
         if is_news:
             front = progress.objectives[progress.front]
-            self._volume = self._hypervolume(front)
             generation = Generation(
                 number=self._steps,
                 population=progress.objectives * self._signs,
                 front=front * self._signs,
                 front_ids=progress.front,
-                hypervolume=self._volume,
+                hypervolume=self._hypervolume.measure(front, self._steps),
                 points=self._marked(progress) if self._session.recorder is not None else (),
                 epsilon=None if progress.epsilon is None else progress.epsilon * self._signs,
             )
@@ -117,7 +116,7 @@ class SweepDisplay:
                 total=progress.total,
                 seconds=seconds,
                 remaining=left,
-                summary=f"hypervolume {self._volume:.4g}",
+                summary=self._hypervolume.summary(self._steps - 1),
                 generation=generation,
             )
         )

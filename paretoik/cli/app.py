@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from paretoik.cli.check_robot import check_robot
-from paretoik.cli.console import print_message
+from paretoik.cli.console import print_message, print_what_is_printable
 from paretoik.cli.front import front
 from paretoik.cli.list_problems import list_problems
 from paretoik.cli.plan import plan
@@ -40,6 +40,7 @@ app.command("check-robot")(check_robot)
 
 def main() -> None:
     """Run the command line."""
+    print_what_is_printable()
     with warnings.catch_warnings():
         warnings.showwarning = lambda message, *_, **__: print_message("warning:", "yellow", str(message))
         try:

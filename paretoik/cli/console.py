@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import codecs
 import json
+import sys
+import unicodedata
+from io import TextIOWrapper
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
@@ -16,12 +20,28 @@ if TYPE_CHECKING:
 JsonFlag = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 QuietFlag = Annotated[bool, typer.Option("--quiet", help="No progress.")]
 RunFolder = Annotated[Path, typer.Argument(help="Folder of a finished run.", show_default=False)]
+PLAIN = str.maketrans("−–×·", "--x*")  # what no decomposition leads to
 EXIT_CODES = {"time limit": 5, "SIGINT": 130, "interrupted": 130, "SIGTERM": 143}
 
 
 def exit_code(status: object) -> int:
     """Return the exit code of a run that kept its result, by what ended it."""
     return EXIT_CODES.get(str(status), 0)
+
+
+def print_what_is_printable() -> None:
+    """Let stdout and stderr write the nearest plain letters (N2m2s) where their encoding has no others."""
+    codecs.register_error("paretoik.plain", _plain_letters)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="paretoik.plain")
+
+
+def _plain_letters(error: UnicodeError) -> tuple[str, int]:
+    assert isinstance(error, UnicodeEncodeError)
+    letters = unicodedata.normalize("NFKD", error.object[error.start : error.end])
+    plain = letters.translate(PLAIN).encode("ascii", "replace")
+    return plain.decode(), error.end
 
 
 def print_json(value: object) -> None:

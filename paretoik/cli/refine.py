@@ -38,7 +38,6 @@ def refine(
             out=out,
             time_limit=time_limit,
             overwrite=overwrite,
-            parent=run,
             observe=observe or False,
         )
     finish_front(result, out, as_json=as_json)

@@ -1,39 +1,101 @@
-"""``paretoik select``: choose one motion of a front by a preference."""
+"""``paretoik select``: choose one motion of a front by a preference, keep the choice, and go back."""
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 from contextlib import redirect_stdout
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from paretoik.api.progress_display import open_observer
-from paretoik.api.result_text import choice_text, entries
 from paretoik.cli.console import JsonFlag, QuietFlag, RunFolder, exit_code, print_json
 from paretoik.errors import InvalidInput
+
+NUMBERS = "NAME=NUMBER,NAME=NUMBER"
 
 
 def select(
     run: RunFolder,
-    weights: Annotated[str, typer.Option(help="NAME=NUMBER,NAME=NUMBER; what is missing is 0.", show_default=False)],
+    weights: Annotated[
+        str | None, typer.Option(help="Least weighted sum; who is missing has 0.", metavar=NUMBERS)
+    ] = None,
+    knee: Annotated[
+        bool, typer.Option("--knee", help="The point from which any step costs more than it gains.")
+    ] = False,
+    compromise: Annotated[
+        bool,
+        typer.Option("--compromise", help="The point whose hardest-hit objective gives up the least of its range."),
+    ] = False,
+    aspiration: Annotated[
+        str | None, typer.Option(help="Nearest to values that you wish for, in and out of reach.", metavar=NUMBERS)
+    ] = None,
+    lexicographic: Annotated[
+        str | None,
+        typer.Option(
+            help="The first objective decides, then the second among what is within the tolerance of the first, ...; a "
+            "tolerance is in the objective's units, with % a share of its range.",
+            metavar="NAME[=TOLERANCE],NAME",
+        ),
+    ] = None,
+    bounds: Annotated[
+        str | None,
+        typer.Option(
+            help="Only points that keep these bounds (in quotes), alone or beside a preference that then decides.",
+            metavar="'NAME<=VALUE,NAME>=VALUE'",
+        ),
+    ] = None,
+    robust: Annotated[
+        str | None, typer.Option(help="Least regret where weights are not known exactly.", metavar=NUMBERS)
+    ] = None,
+    uncertainty: Annotated[float, typer.Option(help="By what share the weights of --robust may be wrong.")] = 0.2,
+    classify: Annotated[
+        str | None,
+        typer.Option(
+            help="From a point: each objective in a class: improve, improve:VALUE, keep, relax:VALUE or free (NIMBUS).",
+            metavar="NAME=CLASS,NAME=CLASS",
+        ),
+    ] = None,
+    start: Annotated[
+        int | None, typer.Option("--from", help="Where --classify starts; else the present choice.", metavar="ID")
+    ] = None,
+    point: Annotated[int | None, typer.Option(help="The point with this id.", metavar="ID")] = None,
+    history: Annotated[bool, typer.Option("--history", help="Print the choices made so far, a tree.")] = False,
+    undo: Annotated[bool, typer.Option("--undo", help="Go back to the choice before the present one.")] = False,
     picture: Annotated[Path | None, typer.Option(help="Draw the front and the chosen motion into this PNG.")] = None,
     out: Annotated[Path | None, typer.Option(help="Of a closed loop: keep the new run in this folder.")] = None,
     overwrite: Annotated[bool, typer.Option(help="Replace a run that is in that folder.")] = False,
     quiet: QuietFlag = False,
     as_json: JsonFlag = False,
 ) -> None:
-    """Choose one motion of a front by weights (Marcos et al. 2012, Eqs. 19 and 20).
+    """Choose one motion of a front, say why, and keep the choice in the run.
 
-    A closed loop is followed anew with these weights at every step.
+    A closed loop is followed anew with other weights at every step.
     """
+    wishes = {
+        "weights": weights,
+        "knee": knee,
+        "compromise": compromise,
+        "aspiration": aspiration,
+        "lexicographic": lexicographic,
+        "robust": robust,
+        "classify": classify,
+        "point": point,
+        "bounds": bounds,
+    }
+    if history or undo:
+        _show_history(run, wishes, undo=undo, as_json=as_json)
+        return
     with redirect_stdout(sys.stderr):
         from paretoik.api.load_front import load_front
+        from paretoik.api.result_text import choice_entry, choice_text
         from paretoik.api.select import select as select_point
-        from paretoik.front.preferences import Weights
+        from paretoik.cli.preference_arguments import read_preference
 
-        preference = Weights(parse_weights(weights))
+        preference = read_preference(wishes, uncertainty=uncertainty, start=start, run=run)
         front = load_front(run)
         with open_observer(not quiet) as observe:
             selected, choice = select_point(front, preference, out=out, overwrite=overwrite, observe=observe or False)
@@ -42,31 +104,24 @@ def select(
 
             front_picture(selected, picture, choice)
     if as_json:
-        print_json({**entries(selected)[choice.index], "reason": choice.reason})
+        print_json(choice_entry(selected, choice))
     else:
         print(choice_text(selected, choice))
     if selected is not front:
         raise typer.Exit(exit_code(selected.provenance["status"]))
 
 
-def parse_weights(text: str) -> dict[str, float]:
-    """Return weights by name.
+def _show_history(run: Path, wishes: Mapping[str, object], *, undo: bool, as_json: bool) -> None:
+    """Print the choices kept in a run, after going back by one where told; raises InvalidInput beside a preference."""
+    from paretoik.front.choices import go_back, read_choices
+    from paretoik.run_files import RUN, read_run
 
-    Raises InvalidInput where a part is not NAME=NUMBER, or a name comes twice.
-
-    >>> parse_weights("kinetic_energy=0.3, torque_norm=0.7")
-    {'kinetic_energy': 0.3, 'torque_norm': 0.7}
-    """
-    weights: dict[str, float] = {}
-    for part in text.split(","):
-        name, separator, value = part.partition("=")
-        name = name.strip()
-        if not separator or not name:
-            raise InvalidInput(f"weights: wanted NAME=NUMBER,NAME=NUMBER, got {part!r}")
-        if name in weights:
-            raise InvalidInput(f"weights: wanted each objective once, got {name} twice")
-        try:
-            weights[name] = float(value)
-        except ValueError:
-            raise InvalidInput(f"weights: wanted a number for {name}, got {value!r}") from None
-    return weights
+    chosen = [name for name, wish in wishes.items() if wish not in (None, False)]
+    if chosen:
+        raise InvalidInput(f"select: wanted --history and --undo without a preference, got --{chosen[0]} too")
+    read_run(run / RUN)
+    choices = go_back(run) if undo else read_choices(run)
+    if as_json:
+        print_json(asdict(choices))
+    else:
+        print(repr(choices))

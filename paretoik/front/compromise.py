@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from paretoik.arrays import Objectives, Values
 from paretoik.errors import Infeasible
+from paretoik.front.reason import percent, subject
 from paretoik.front.ties import first_row
 
 if TYPE_CHECKING:
@@ -15,33 +17,41 @@ COMPROMISE_IN_WORDS = "the point whose hardest-hit objective gives up the least,
 AUGMENTATION = 1e-4  # weight of the sum of all shares beside the worst; Miettinen (1999), section 3.4.5
 
 
-def compromise(front: Front) -> Choice:
-    """Return the compromise of a front: the point whose hardest-hit objective gives up the least of its range.
+@dataclass(frozen=True, kw_only=True)
+class Compromise:
+    """The compromise: the point whose hardest-hit objective gives up the least, as a share of its range.
 
     It has the least max Z + 1e-4 ΣZ, Z = (f − ideal)/(nadir − ideal) on the stored ranges: compromise programming with
     the Chebyshev distance (Yu 1973; Zeleny 1973). Unlike the point of equal weights it exists on hollow fronts too,
-    where weights reach ends alone, and does not move when an objective is named twice. Of one objective it is the best
-    point.
-
-    Raises Infeasible where the front is empty.
+    where weights reach ends alone, and naming an objective twice does not move it (its augmentation aside). Of one
+    objective it is the best point.
     """
-    if len(front) == 0:
-        raise Infeasible("compromise: wanted a front of at least one point, got none: no point was feasible")
-    row = first_row(front, compromise_scores(front))
-    worst = int(front.shares[row].argmax())
-    return front.choice(
-        row,
-        f"Of {len(front)} points point {front.ids[row]} is the compromise, {COMPROMISE_IN_WORDS}: "
-        f"{front.shares[row, worst]:.0%}, of {front.names[worst]}.",
-    )
 
-
-def compromise_scores(front: Front) -> Values:
-    """Return what the compromise has least: max Z + 1e-4 ΣZ of every point (points,)."""
-    return score_shares(front.shares)
+    def choose(self, front: Front) -> Choice:
+        """Return the compromise of a front that has at least one point."""
+        scores = score_shares(front.shares)
+        row = first_row(front, scores)
+        worst = int(front.shares[row].argmax())
+        return front.choice(
+            row,
+            f"{subject(front, row)} is the compromise, {COMPROMISE_IN_WORDS}: "
+            f"{percent(front.shares[row, worst])}, of {front.names[worst]}.",
+            preference=self,
+            score=float(scores[row]),
+        )
 
 
 def score_shares(shares: Objectives) -> Values:
     """Return what the compromise has least, of points by their shares of the ranges (points, n_obj)."""
     scores: Values = shares.max(axis=1) + AUGMENTATION * shares.sum(axis=1)
     return scores
+
+
+def compromise(front: Front) -> Choice:
+    """Return the compromise of a front (``Compromise``), which is kept nowhere.
+
+    Raises Infeasible where the front is empty.
+    """
+    if len(front) == 0:
+        raise Infeasible("compromise: wanted a front of at least one point, got none: no point was feasible")
+    return Compromise().choose(front)

@@ -2,47 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Protocol, TypeAlias, runtime_checkable
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
-from jaxtyping import Float
 
 from paretoik.arrays import Genes, Ids, Objectives, Values
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.front.certificates import Certificates
+from paretoik.front.choice import Choice, Preference
+from paretoik.front.front_arguments import (
+    Ranges,
+    check_ids,
+    check_non_dominated,
+    check_objectives,
+    check_ranges,
+    read_only,
+    sort_certificates,
+    sort_motions,
+    sort_rows,
+)
 from paretoik.front.gaps import find_jumps, missing_hypervolume
-from paretoik.front.indicators import non_dominated
 from paretoik.front.joint_motions import JointMotions
-from paretoik.front.names import check_names
-from paretoik.inputs import file_path
+from paretoik.front.reason import explain
+from paretoik.inputs import check_flag, file_path
 
-Ranges: TypeAlias = Float[np.ndarray, "n_obj 2"]
+if TYPE_CHECKING:  # files and preferences are opened when they are used
+    from paretoik.front.choices import Choices
+    from paretoik.front.subset import Bound
+
+__all__ = ["Choice", "Front", "Preference"]
 
 MotionBuilder = Callable[[np.ndarray, np.ndarray, tuple[str, ...]], JointMotions]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Choice:
-    """One point of a front: its ``id``, its row ``index``, its motion and objectives, and the reason of the choice."""
-
-    id: int
-    index: int
-    objectives: Values
-    reason: str
-    motion: Any = None
-
-
-@runtime_checkable
-class Preference(Protocol):
-    """A preference, which chooses one point of a front that has at least one."""
-
-    def choose(self, front: Front) -> Choice:
-        """Return the preferred point of `front`."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -57,7 +52,11 @@ class Front:
     points) may be missing; ``violation`` (points,) is the largest as a share of its limit's range; ``certificates``
     are those of refined points; ``ranges`` (n_obj, 2) are the lower and upper value that preferences
     measure against, by default those of the front itself; ``provenance`` describes the run (problem,
-    settings, seed, status) and is stored in ``run.json``; ``problem`` is the problem itself, not stored.
+    settings, seed, status) and is stored in ``run.json``; ``problem`` is the problem itself, not stored. ``folder`` is
+    the run folder that the front was loaded from or saved into last, where ``select`` keeps its choices, else None.
+
+    ``len(front)`` is the number of points, ``front[12]`` the point with that id as a ``Choice``, ``front[[12, 30]]``
+    the front of some, and iterating yields every point as a ``Choice``.
 
     Raises InvalidInput for shapes that do not agree, values that are not finite, ids or names that repeat, names unfit
     for a table, and a point that another one dominates.
@@ -75,25 +74,26 @@ class Front:
     ranges: Ranges = field(default_factory=lambda: np.empty((0, 2)))
     provenance: Mapping[str, Any] = field(default_factory=dict)
     problem: Any = field(default=None, repr=False)
+    folder: Path | None = field(default=None, init=False, repr=False)
 
     def __post_init__(self) -> None:
         objectives = np.asarray(self.objectives, dtype=float)
-        _check_objectives(self.names, self.units, self.maximised, objectives)
-        ids = _check_ids(self.ids, len(objectives))
+        check_objectives(self.names, self.units, self.maximised, objectives)
+        ids = check_ids(self.ids, len(objectives))
         order = np.lexsort((ids, *objectives.T[::-1]))
         assign = object.__setattr__
         assign(self, "names", tuple(self.names))
         assign(self, "units", tuple(self.units))
         assign(self, "maximised", tuple(bool(flag) for flag in self.maximised))
-        assign(self, "ids", _read_only(ids[order]))
-        assign(self, "objectives", _read_only(objectives[order]))
-        assign(self, "genes", _sort_rows("genes", self.genes, order, dimensions=2))
-        assign(self, "violation", _sort_rows("violation", self.violation, order, dimensions=1))
-        assign(self, "motions", _sort_motions(self.motions, order))
-        assign(self, "certificates", _sort_certificates(self.certificates, order))
-        assign(self, "ranges", _check_ranges(self.ranges, objectives))
+        assign(self, "ids", read_only(ids[order]))
+        assign(self, "objectives", read_only(objectives[order]))
+        assign(self, "genes", sort_rows("genes", self.genes, order, dimensions=2))
+        assign(self, "violation", sort_rows("violation", self.violation, order, dimensions=1))
+        assign(self, "motions", sort_motions(self.motions, order))
+        assign(self, "certificates", sort_certificates(self.certificates, order))
+        assign(self, "ranges", check_ranges(self.ranges, objectives))
         assign(self, "provenance", MappingProxyType(dict(self.provenance)))
-        _check_non_dominated(self)
+        check_non_dominated(self)
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -166,34 +166,114 @@ class Front:
         """
         return missing_hypervolume(self)
 
-    def select(self, preference: Preference) -> Choice:
-        """Return the point that `preference` chooses; a closed loop is followed again with it.
+    @overload
+    def __getitem__(self, ids: int) -> Choice: ...
 
-        Raises Infeasible where the front is empty.
+    @overload
+    def __getitem__(self, ids: Sequence[int] | np.ndarray) -> Front: ...
+
+    def __getitem__(self, ids: Any) -> Choice | Front:
+        """Return the point with an id as a choice, or the points with some ids as a front of the same ranges.
+
+        Raises InvalidInput for ids that the front does not have.
         """
+        from paretoik.front.subset import row_of, with_ids
+
+        if np.ndim(ids) or isinstance(ids, slice):
+            return with_ids(self, ids)
+        row = row_of(self, ids)
+        return self.choice(row, f"Point {self.ids[row]} was named.")
+
+    def __iter__(self) -> Iterator[Choice]:
+        return (self[number] for number in self.ids.tolist())
+
+    def where(self, bounds: Mapping[str, Bound] | None = None, /, **named: Bound) -> Front:
+        """Return the front of the points within bounds, ``front.where(kinetic_energy=(None, 0.05))``.
+
+        A bound is (lower, upper) in the objective's own units and sign, None where it is open; a mapping serves where a
+        name is no identifier. Ranges, ids, motions, genes and certificates are kept. The front may be empty.
+
+        Raises InvalidInput for other names and bounds.
+        """
+        from paretoik.front.subset import within_bounds
+
+        return within_bounds(self, bounds, named)
+
+    def select(self, preference: Preference | str | Mapping[str, float] | int, *, keep: bool = True) -> Choice:
+        """Return the point that a preference chooses; a closed loop is followed again with it.
+
+        ``preference`` is one of those of ``paretoik`` or your own (``Preference``); "knee" and "compromise" stand for
+        ``Knee()`` and ``Compromise()``, numbers by objective for ``Weights``, an integer for the point with that id.
+        A front with a run ``folder`` keeps the choice there, in choices.json (``choices``), unless ``keep`` is False.
+
+        Raises Infeasible where the front is empty or no point suits, and InvalidInput for other preferences.
+        """
+        from paretoik.front.choices import keep_choice
+        from paretoik.front.preferences.requests import as_preference, ask
+
+        check_flag("keep", keep)
         if len(self) == 0:
             raise Infeasible("select: wanted a front of at least one point, got none: no point was feasible")
-        if isinstance(preference, type) or not isinstance(preference, Preference):
-            raise InvalidInput(f"select: a preference wanted, such as Weights(...), got {preference!r}")
+        wish = as_preference(preference)
         select: Callable[[Front, Preference], Choice] | None = getattr(self.problem, "select", None)
-        return preference.choose(self) if select is None else select(self, preference)
+        choice = ask(wish, self) if select is None else select(self, wish)
+        if keep and self.folder is not None:
+            keep_choice(self, choice, wish)
+        return choice
 
-    def choice(self, index: int, reason: str) -> Choice:
-        """Return the point of a row as a choice."""
-        motion = None if self.motions is None else self.motions[index]
-        return Choice(
-            id=int(self.ids[index]), index=index, objectives=self.objectives[index], motion=motion, reason=reason
-        )
+    @property
+    def choices(self) -> Choices:
+        """The choices kept in the front's run folder, a tree; none without a folder.
+
+        Raises InvalidRun where the file is damaged.
+        """
+        from paretoik.front.choices import Choices, read_choices
+
+        return Choices() if self.folder is None else read_choices(self.folder)
+
+    def undo(self) -> Choice | None:
+        """Go back to the choice before the present one in the run folder, and return it; None where it was the first.
+
+        Nothing is deleted: the next choice becomes another branch of the tree. Raises InvalidInput where there is no
+        choice to go back from.
+        """
+        from paretoik.front.choices import chosen, go_back
+
+        if self.folder is None:
+            raise InvalidInput("undo: wants a front that was loaded from a run folder or saved into one")
+        go_back(self.folder)
+        return chosen(self)
+
+    def choice(
+        self,
+        index: int,
+        verdict: str,
+        *,
+        preference: Preference | None = None,
+        score: float | None = None,
+        details: Mapping[str, Any] | None = None,
+    ) -> Choice:
+        """Return the point of a row as a choice: a verdict on it, followed by what it gives up for what.
+
+        Raises InvalidInput where the front has no such row.
+        """
+        if not 0 <= index < len(self):
+            raise InvalidInput(f"choice: wanted a row of {len(self)}, from 0 on, got {index!r}")
+        return explain(self, int(index), verdict, preference=preference, score=score, details=details or {})
 
     def quantity(self, axis: int, value: float) -> str:
         """Return a value of an objective with its name and unit."""
         return f"{self.names[axis]} {value:.4g} {self.units[axis]}".rstrip()
 
-    def save(self, folder: Path | str) -> None:
-        """Write `run.json`, `front.parquet` and, with genes or motions, `motions.npz` into `folder`."""
+    def save(self, folder: Path | str, *, overwrite: bool = False) -> None:
+        """Write `run.json`, `front.parquet` and, with genes or motions, `motions.npz` into `folder`.
+
+        Raises InvalidInput where it holds another run, or points that this front has not, unless ``overwrite`` is set.
+        """
         from paretoik.front.storage import save
 
-        save(self, file_path("folder", folder))
+        check_flag("overwrite", overwrite)
+        save(self, file_path("folder", folder), overwrite=overwrite)
 
     @staticmethod
     def load(folder: Path | str, *, motions: MotionBuilder | None = None) -> Front:
@@ -204,83 +284,3 @@ class Front:
         from paretoik.front.storage import load
 
         return load(file_path("folder", folder), build_motions=motions)
-
-
-def _check_objectives(
-    names: Sequence[str], units: Sequence[str], maximised: Sequence[bool], objectives: np.ndarray
-) -> None:
-    if objectives.ndim != 2 or objectives.shape[1] == 0:
-        raise InvalidInput(f"front objectives: wanted an array (points, n_obj), got shape {objectives.shape}")
-    if not np.isfinite(objectives).all():
-        bad = int((~np.isfinite(objectives).all(axis=1)).sum())
-        raise InvalidInput(f"front objectives: wanted finite numbers, got {bad} of {len(objectives)} points without")
-    n_obj = objectives.shape[1]
-    for field_name, values in (("names", names), ("units", units), ("maximised", maximised)):
-        if isinstance(values, str) or len(values) != n_obj:
-            raise InvalidInput(f"front {field_name}: wanted one for each of {n_obj} objectives, got {values!r}")
-    check_names(names, units)
-
-
-def _check_ids(values: np.ndarray, points: int) -> Ids:
-    ids = np.asarray(values)
-    if ids.size == 0:
-        ids = ids.astype(np.int64)
-    if ids.shape != (points,) or ids.dtype.kind not in "iu":
-        raise InvalidInput(f"front ids: wanted {points} integers, got {ids.dtype} of shape {ids.shape}")
-    unique, counts = np.unique(ids, return_counts=True)
-    if len(unique) != points:
-        raise InvalidInput(f"front ids: wanted each once, got {unique[counts > 1][0]} {counts.max()} times")
-    if points and ids.min() < 0:
-        raise InvalidInput(f"front ids: wanted integers >= 0, got {ids.min()}")
-    return ids.astype(np.int64)
-
-
-def _sort_rows(name: str, values: np.ndarray | None, order: np.ndarray, *, dimensions: int) -> np.ndarray | None:
-    if values is None:
-        return None
-    rows = np.asarray(values, dtype=float)
-    if rows.ndim != dimensions or len(rows) != len(order) or not np.isfinite(rows).all():
-        raise InvalidInput(f"front {name}: wanted finite numbers for {len(order)} points, got shape {rows.shape}")
-    return _read_only(rows[order])
-
-
-def _sort_motions(motions: JointMotions | None, order: np.ndarray) -> Any:
-    if motions is None:
-        return None
-    if np.ndim(motions.q) != 3 or len(motions) != len(order):
-        raise InvalidInput(f"front motions: wanted a batch of {len(order)}, got joint positions {np.shape(motions.q)}")
-    return motions if (order == np.arange(len(order))).all() else motions[order]
-
-
-def _sort_certificates(certificates: Certificates | None, order: np.ndarray) -> Certificates | None:
-    if certificates is None:
-        return None
-    if len(certificates) != len(order):
-        raise InvalidInput(f"front certificates: wanted one for each of {len(order)} points, got {len(certificates)}")
-    return certificates[order]
-
-
-def _check_ranges(values: np.ndarray, objectives: Objectives) -> Ranges:
-    n_obj = objectives.shape[1]
-    ranges = np.array(values, dtype=float)
-    if ranges.size == 0:
-        empty = len(objectives) == 0
-        ranges = np.zeros((n_obj, 2)) if empty else np.stack([objectives.min(axis=0), objectives.max(axis=0)], axis=1)
-    if ranges.shape != (n_obj, 2) or not np.isfinite(ranges).all() or (ranges[:, 0] > ranges[:, 1]).any():
-        raise InvalidInput(f"front ranges: wanted a finite (lower, upper) for each of {n_obj}, got {ranges.tolist()}")
-    return _read_only(ranges)
-
-
-def _check_non_dominated(front: Front) -> None:
-    unique, first = np.unique(front.minimised, axis=0, return_index=True)
-    dominated = first[~non_dominated(unique)]
-    if dominated.size:
-        raise InvalidInput(
-            f"front: wanted mutually non-dominated points, got {dominated.size} dominated ones, "
-            f"the first with id {front.ids[dominated.min()]}"
-        )
-
-
-def _read_only(array: np.ndarray) -> np.ndarray:
-    array.flags.writeable = False
-    return array

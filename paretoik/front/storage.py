@@ -21,7 +21,19 @@ from paretoik.errors import InvalidInput, InvalidRun
 from paretoik.front.certificates import Certificates
 from paretoik.front.front import Front, MotionBuilder
 from paretoik.front.joint_motions import JointMotions, StoredJoints, StoredMotions
-from paretoik.run_files import MOTIONS, RUN, TABLE, digest, read_plain_file, read_run, replace_file, run_bytes
+from paretoik.front.subset import attach
+from paretoik.run_files import (
+    CHOICES,
+    MOTIONS,
+    RUN,
+    TABLE,
+    check_digest,
+    is_run,
+    read_plain_file,
+    read_run,
+    replace_file,
+    run_bytes,
+)
 
 RESERVED_ENTRIES = ("format", "objectives", "points", "files", "digest")
 CERTIFICATE_COLUMNS = ("violation_between", "kkt_residual")
@@ -29,10 +41,12 @@ CERTIFICATE_TEXTS = ("status", "reason")
 CERTIFICATE_ARRAYS = ("weights", "exchange_rates", "exchange_intervals")
 
 
-def save(front: Front, folder: Path) -> None:
+def save(front: Front, folder: Path, *, overwrite: bool = False) -> None:
     """Write the front's files into `folder`, each replaced at once or not at all, `run.json` last.
 
-    Raises InvalidInput where that fails, or the provenance holds what JSON cannot, or a name that the format needs.
+    A run that is there is replaced where this front is of the same problem and has all its points, or with
+    ``overwrite``; the choices kept beside it stay as long as their points do. Raises InvalidInput where that is not
+    allowed or fails, or the provenance holds what JSON cannot, or a name that the format needs.
     """
     clashes = [name for name in RESERVED_ENTRIES if name in front.provenance]
     if clashes:
@@ -44,8 +58,42 @@ def save(front: Front, folder: Path) -> None:
         files[RUN] = run_bytes(_run_entries(front, files))
     except (TypeError, ValueError) as fault:
         raise InvalidInput(f"front provenance: wanted what strict JSON can hold, got {fault}") from fault
+    if is_run(folder / RUN) and not _keeps_run(front, folder):
+        if not overwrite:
+            raise InvalidInput(
+                f"{folder}: wanted a new folder or this front's own, got one that holds another run, or points that "
+                "this front has not; overwrite=True replaces it"
+            )
+        (folder / CHOICES).unlink(missing_ok=True)
     for name, content in files.items():
         replace_file(folder / name, content)
+    attach(front, folder)
+
+
+def stored_points(folder: Path) -> dict[int, tuple[float, ...]]:
+    """Return the objectives of every point that a run folder holds, by id; raises InvalidRun as ``load`` does."""
+    run = _read_front_entries(folder / RUN)
+    names = [entry["name"] for entry in run["objectives"]]
+    table = _read_table(folder / TABLE, read_verified(folder / TABLE, run["files"][TABLE]), names)
+    rows = zip(*(table[name].tolist() for name in names), strict=True)
+    return dict(zip(table["id"].tolist(), rows, strict=True))
+
+
+def has_points(front: Front, points: Mapping[int, tuple[float, ...]]) -> bool:
+    """Say whether a front has these points, with the same objectives."""
+    own = dict(zip(front.ids.tolist(), map(tuple, front.objectives.tolist()), strict=True))
+    return all(own.get(number) == values for number, values in points.items())
+
+
+def _keeps_run(front: Front, folder: Path) -> bool:
+    """Say whether saving a front loses nothing of the run in a folder: the same problem, and all of its points."""
+    try:
+        run, points = _read_front_entries(folder / RUN), stored_points(folder)
+    except InvalidRun:
+        return False
+    same = run.get("fingerprint") == front.provenance.get("fingerprint")
+    names = [entry["name"] for entry in run["objectives"]] == list(front.names)
+    return same and names and has_points(front, points)
 
 
 def load(folder: Path, *, build_motions: MotionBuilder | None = None) -> Front:
@@ -62,7 +110,7 @@ def load(folder: Path, *, build_motions: MotionBuilder | None = None) -> Front:
         else:
             motions = build_motions(arrays["time"], arrays["q"], joint_names)
     try:
-        return Front(
+        front = Front(
             ids=table["id"],
             objectives=np.stack([table[entry["name"]] for entry in run["objectives"]], axis=1),
             names=[entry["name"] for entry in run["objectives"]],
@@ -77,6 +125,7 @@ def load(folder: Path, *, build_motions: MotionBuilder | None = None) -> Front:
         )
     except (InvalidInput, TypeError, ValueError) as fault:
         raise InvalidRun(f"{folder}: wanted a front, got one that is none: {fault}") from fault
+    return attach(front, folder)
 
 
 def _run_entries(front: Front, files: dict[str, bytes]) -> dict[str, Any]:
@@ -162,12 +211,6 @@ def _read_front_entries(file: Path) -> dict[str, Any]:
     if not _is_complete(run):
         raise InvalidRun(f"{file}: wanted objectives and the digests of {TABLE} and {MOTIONS}, got other entries")
     return run
-
-
-def check_digest(file: Path, run: dict[str, Any]) -> None:
-    """Remove the digest of a run's entries; raises InvalidRun where they do not match it."""
-    if run.pop("digest", None) != digest(run):
-        raise InvalidRun(f"{file}: wanted it as it was written, got contents that do not match their digest")
 
 
 def _is_complete(run: dict[str, Any]) -> bool:

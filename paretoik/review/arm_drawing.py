@@ -202,17 +202,19 @@ class ArmDrawing:
             named = {"labels": list(cell.places), "show_labels": True}
             recording.log(f"{self.entity}/places", self.points(places, SCREEN.target, 4.0, 1.0, **named), static=True)
         if len(cell.directions):
-            start = next(iter(cell.places.values()))
-            ends = start + 0.35 * self._size * cell.directions
+            start, ends = next(iter(cell.places.values())), self._arrow_ends
             arrows = self.strips([np.array([start, end]) for end in ends], SCREEN.target, 1.6, 1.0)
             recording.log(f"{self.entity}/directions/lines", arrows, static=True)
-            numbers = [str(number + 1) for number in range(len(ends))]
+            numbers = [f"direction {number + 1}" for number in range(len(ends))]
             heads = self.points(ends, SCREEN.target, 3.0, 1.0, labels=numbers, show_labels=True)
             recording.log(f"{self.entity}/directions/heads", heads, static=True)
 
     @property
-    def _size(self) -> float:
-        return float(np.ptp(self._extent, axis=0).max())
+    def _arrow_ends(self) -> np.ndarray:
+        """Where arrows along the directions end."""
+        cell = self.workcell
+        start = next(iter(cell.places.values()), np.zeros(3))
+        return np.asarray(start + 0.3 * float(np.ptp(self.nodes, axis=0).max()) * cell.directions)
 
     @cached_property
     def _extent(self) -> np.ndarray:
@@ -220,7 +222,7 @@ class ArmDrawing:
         cell = self.workcell
         around = [each for each in map(extent, cell.obstacles) if self.planar or np.ptp(each, axis=0).all()]
         seen = [self.nodes, cell.arm.base.position[None], *cell.paths, *(place[None] for place in cell.places.values())]
-        return np.concatenate([*seen, *around])
+        return np.concatenate([*seen, *around, self._arrow_ends])
 
     @cached_property
     def _canvas(self) -> Canvas:

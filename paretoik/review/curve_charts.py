@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import rerun as rr
@@ -38,7 +39,8 @@ class LimitLine:
 class Chart:
     """Named curves over instants, drawn at ``entity`` on axes that hold all of ``shown`` and the limits that are near.
 
-    ``shown`` are (points, 2), what will ever be drawn; values that are not finite are left out.
+    ``shown`` are (points, 2), what will ever be drawn; values that are not finite are left out. With ``dots`` instants
+    have no order, and no lines join them.
     """
 
     entity: str
@@ -49,6 +51,7 @@ class Chart:
     colours: Sequence[Colour]
     limits: Sequence[LimitLine] = ()
     total: tuple[float, float] = TOTAL
+    dots: bool = False
 
     def view(self) -> rrb.View:
         """Return the chart's view."""
@@ -74,7 +77,11 @@ class Chart:
     def draw(self, recording: rr.RecordingStream, instants: Times, curves: Series, *, static: bool = False) -> None:
         """Draw curves (curves, instants) and their names, at the current time or for all times."""
         strips = [self.canvas.place(_finite_points(instants, curve)) for curve in curves]
-        lines = rr.LineStrips2D(strips, colors=list(self.colours), radii=rr.Radius.ui_points(1.2), draw_order=1.0)
+        lines: Any = rr.LineStrips2D(strips, colors=list(self.colours), radii=rr.Radius.ui_points(1.2), draw_order=1.0)
+        if self.dots:
+            colours = [colour for colour, strip in zip(self.colours, strips, strict=True) for _ in strip]
+            radius = rr.Radius.ui_points(2.2)
+            lines = rr.Points2D(np.concatenate(strips), colors=colours, radii=radius, draw_order=1.0)
         recording.log(f"{self.entity}/curves", lines, static=static)
         if len(curves) > 1:
             ends = [strip[-1, 1] if len(strip) else 0.5 * self.canvas.height for strip in strips]

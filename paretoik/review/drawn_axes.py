@@ -26,7 +26,7 @@ class TextSize:
     line: float = 20.0
     character: float = 6.5
     drop: float = 12.0  # from a label's point down to its middle
-    left: float = 66.0
+    left: float = 74.0
     right: float = 22.0
     top: float = 34.0
     bottom: float = 52.0
@@ -40,7 +40,7 @@ class Canvas:
     """A window (lower and upper corner) of a plane with a label an axis, ``width`` by ``height`` large at ``origin``.
 
     ``ticked`` says which axes have ticks and their label; without, a neighbour has them. ``label_drop`` moves the label
-    below further down, out of a neighbour's way.
+    below further down, out of a neighbour's way; no label reaches beyond the ``right_edge`` of the view.
     """
 
     low: Values
@@ -51,6 +51,7 @@ class Canvas:
     origin: Values = field(default_factory=lambda: np.zeros(2))
     ticked: tuple[bool, bool] = (True, True)
     label_drop: float = 0.0
+    right_edge: float = np.inf
 
     def place(self, points: np.ndarray) -> np.ndarray:
         """Return where `points` (..., 2) lie on the view."""
@@ -101,7 +102,8 @@ class Canvas:
             words += [tick_text(tick) for tick in across]
             places += list(under + np.array([0.0, 0.7 * TEXT.line]))
             words.append(self.labels[0])
-            places.append(np.array([x + width / 2, y + height + 1.75 * TEXT.line + self.label_drop]))
+            middle = min(x + width / 2, self.right_edge - 0.5 * text_width(self.labels[0]) - 8.0)
+            places.append(np.array([middle, y + height + 1.75 * TEXT.line + self.label_drop]))
         if self.ticked[1]:
             beside = self.place(np.array([(self.low[0], tick) for tick in along]).reshape(-1, 2))
             words += [tick_text(tick) for tick in along]

@@ -95,10 +95,12 @@ class FinishedLoop:
         times = point.motion.time
         columns = [rr.TimeColumn("motion", duration=times), rr.TimeColumn("step", sequence=np.arange(len(times)))]
         self._set_time(stream, 0)
-        if self._searches:
+        self._motions.log_whole(stream, [point], row=0)
+        if self._searches and self._opening is not None:
+            stream.reset_time()
             for timeline in ("generation", "individual"):
                 stream.set_time(timeline, sequence=0)
-        self._motions.log_whole(stream, [point])
+            self._motions.log_whole(stream, [point], row=self._opening.number)
         stream.reset_time()
         self._motions.send(stream, point, columns)
 

@@ -55,7 +55,7 @@ class FinishedSearch:
             stream.set_time("replay", duration=float(self._clock.begins[place]))
             if place == len(self.generations) - 1:
                 self._at_the_end(stream)
-            self._log_generation(stream, generation)
+            self._log_generation(stream, generation, self._moved[place])
         if self.end.front is not None:
             self._log_front(stream, self.end.front)
         stream.reset_time()
@@ -88,14 +88,24 @@ class FinishedSearch:
         if self.note:
             stream.log("notes/left_out", rr.TextDocument(self.note), static=True)
 
-    def _log_generation(self, stream: rr.RecordingStream, generation: Generation) -> None:
+    def _log_generation(self, stream: rr.RecordingStream, generation: Generation, moved: int | None) -> None:
         self.scene.log_generation(stream, generation, self._canvases, self._parallel)
         log_series(self.scene, stream, generation)
-        stream.log(TEXT, rr.TextDocument(text_of(self.scene, generation), media_type="text/markdown"))
+        stream.log(TEXT, rr.TextDocument(text_of(self.scene, generation, moved), media_type="text/markdown"))
         if self._motions is not None:
             self._motions.log_whole(stream, generation.points)
         for chart, _, _ in self._charts:
             chart.log_cursor(stream, float(generation.number))
+
+    @cached_property
+    def _moved(self) -> list[int | None]:
+        """The generation whose motions are shown with each: itself where it has the points of these."""
+        moved, shown = list[int | None](), None
+        for each in self.generations:
+            shown = each if has_motions(each.points) else shown
+            same = shown is not None and [point.id for point in shown.points] == [point.id for point in each.points]
+            moved.append(each.number if same else None if shown is None else shown.number)
+        return moved
 
     def _at_the_end(self, stream: rr.RecordingStream) -> None:
         """Let what follows stand at the end, on all timelines."""
@@ -202,11 +212,7 @@ class FinishedSearch:
         points = [*self._walk, *self._end_points, *(point for each in self.generations for point in each.points)]
         if cell is None or not any(point.motion is not None and point.axis is None for point in points):
             return None
-        return MotionScene(workcell=cell, names=self.scene.names, points=points, title=self._title)
-
-    @property
-    def _title(self) -> str:
-        return "arm" if self.end.choice is None else f"arm, at the end of point {self.end.choice.id}"
+        return MotionScene(workcell=cell, names=self.scene.names, points=points)
 
     @cached_property
     def _postures(self) -> DrawnChart | None:

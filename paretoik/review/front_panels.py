@@ -71,6 +71,7 @@ class Panels:
             origin=np.array([column * (width + across), row * (height + below)]),
             ticked=(row == rows - 1, column == 0) if matrix else (True, True),
             label_drop=down,
+            right_edge=VIEW[0] - TEXT.left,
         )
 
     @property

@@ -15,42 +15,38 @@ from paretoik.review.palette import SCREEN
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Ground:
-    """The box from ``low`` to ``high`` (3,) [m] that a scene fills, with a grid of round lengths below it."""
+    """The box from ``low`` to ``high`` (3,) [m] that a scene fills, with a grid of ``step`` [m] below it."""
 
     low: Vector3
     high: Vector3
+    step: float
 
     @staticmethod
     def around(points: np.ndarray) -> Ground:
-        """Return the ground of points (points, 3), its corners on round lengths."""
+        """Return the ground of points (points, 3), its corners on round lengths, and not above 0 where all is near."""
         low, high = points.min(axis=0), points.max(axis=0)
         width = max(float((high - low).max()), 1e-6)
-        step = float(np.diff(nice_ticks(0.0, width, count=5))[0])
+        step = float(np.diff(nice_ticks(0.0, width, count=4))[0])
         middle, half = (low + high) / 2, np.maximum((high - low) / 2, 0.2 * width)
         low, high = np.minimum(low, middle - half), np.maximum(high, middle + half)
-        low[2] = min(float(points[:, 2].min()), 0.0) if points[:, 2].min() < step else low[2]
-        return Ground(low=np.floor(low / step + 1e-9) * step, high=np.ceil(high / step - 1e-9) * step)
-
-    @property
-    def step(self) -> float:
-        """Distance of two ticks [m]."""
-        return float(np.diff(nice_ticks(0.0, float((self.high - self.low).max()), count=5))[0])
+        low[2] = min(float(points[:, 2].min()), 0.0) if points[:, 2].min() < width else low[2]
+        return Ground(low=np.floor(low / step + 1e-6) * step, high=np.ceil(high / step - 1e-6) * step, step=step)
 
     def log(self, recording: rr.RecordingStream, entity: str) -> None:
         """Draw grid, ticks and labels, for all times."""
         (x0, y0, z0), (x1, y1, z1) = self.low, self.high
         x, y, z = (self._ticks(axis) for axis in range(3))
         lines = [[(a, y0, z0), (a, y1, z0)] for a in x] + [[(x0, b, z0), (x1, b, z0)] for b in y]
-        upright = [[(x0, y1, z0), (x0, y1, z1)]]
-        marks = [[(x0, y1, c), (x0 + 0.2 * self.step, y1, c)] for c in z]
+        upright = [[(x0, y0, z0), (x0, y0, z1)]]
+        marks = [[(x0, y0, c), (x0 + 0.15 * self.step, y0, c)] for c in z]
         colours = [SCREEN.grid] * len(lines) + [SCREEN.frame] * (1 + len(marks))
-        strips = rr.LineStrips3D([*lines, *upright, *marks], colors=colours, radii=rr.Radius.ui_points(0.6))
+        strips = rr.LineStrips3D([*lines, *upright, *marks], colors=colours, radii=rr.Radius.ui_points(0.7))
         recording.log(f"{entity}/grid", strips, static=True)
-        beside = 0.35 * self.step
-        places = [(a, y0 - beside, z0) for a in x] + [(x1 + beside, b, z0) for b in y]
-        places += [(x0 - beside, y1, c) for c in z[1:]]
-        words = [tick_text(tick) for tick in (*x, *y, *z[1:])]
-        names = [((x0 + x1) / 2, y0 - 3 * beside, z0), (x1 + 3 * beside, (y0 + y1) / 2, z0), (x0, y1, z1 + beside)]
+        beside = 0.07 * float((self.high - self.low).max())
+        places = [(a, y0 - beside, z0) for a in x[1:-1]] + [(x1 + beside, b, z0) for b in y[1:-1]]
+        places += [(x0 - beside, y0 - 0.3 * beside, c) for c in z[1:]]
+        words = [tick_text(tick) for tick in (*x[1:-1], *y[1:-1], *z[1:])]
+        names = [((x0 + x1) / 2, y0 - 2.6 * beside, z0), (x1 + 2.6 * beside, (y0 + y1) / 2, z0), (x0, y0, z1 + beside)]
         text = rr.Points3D(
             places + names,
             labels=[*words, "x [m]", "y [m]", "z [m]"],
@@ -63,7 +59,7 @@ class Ground:
     def eye(self) -> rrb.EyeControls3D:
         """Look at the middle of everything from in front, from the right and from above."""
         middle, size = (self.low + self.high) / 2, float(np.linalg.norm(self.high - self.low))
-        return rrb.EyeControls3D(position=middle + size * np.array([0.62, -0.95, 0.55]), look_target=middle)
+        return rrb.EyeControls3D(position=middle + size * np.array([0.5, -0.85, 0.5]), look_target=middle)
 
     def _ticks(self, axis: int) -> np.ndarray:
         count = round((self.high[axis] - self.low[axis]) / self.step)

@@ -55,6 +55,7 @@ def posture_chart(
     sliding = np.array([kind == "prismatic" for kind in cell.arm.joint_types])
     chart = Chart(
         entity="postures",
+        dots=True,
         title="joint position over the front",
         labels=(label, f"joint position [{' or '.join(_units(UNITS['position'], sliding))}]"),
         shown=np.stack([np.repeat(values, postures.shape[1]), postures.ravel()], axis=1),

@@ -56,11 +56,11 @@ class MotionScene:
             chart.log(recording)
 
     def log_whole(
-        self, recording: rr.RecordingStream, points: Sequence[RecordedPoint], *, posture: bool = True
+        self, recording: rr.RecordingStream, points: Sequence[RecordedPoint], *, row: int | None = None
     ) -> None:
         """Draw motions of points as wholes at the current time: paths, and of the chosen one ghosts and curves.
 
-        With ``posture`` their arms stand at half the time.
+        Their arms stand at a ``row`` of their samples, by default at half the time.
         """
         for point in points:
             if point.motion is None:
@@ -80,8 +80,7 @@ class MotionScene:
                 curves = self._curves(point.motion)
                 for kind, chart in self.charts.items():
                     chart.draw(recording, point.motion.time, curves[kind].T)
-            if posture:
-                self._log_posture(recording, point, len(links) // 2)
+            self._log_posture(recording, point, len(links) // 2 if row is None else row)
 
     def log_postures(self, recording: rr.RecordingStream, postures: Float[np.ndarray, "postures dof"]) -> None:
         """Draw postures as ghosts, for all times."""

@@ -55,10 +55,11 @@ class RecordingPalette:
     text: Colour = (200, 206, 216, 255)
     population: Colour = (125, 150, 185, 190)
     front: Colour = (255, 178, 62, 255)
+    lines: Colour = (118, 86, 40, 255)
     chosen: Colour = (70, 225, 190, 255)
     failed: Colour = (225, 95, 95, 255)
     arm: Colour = (235, 238, 242, 255)
-    ghost: Colour = (150, 165, 190, 70)
+    ghost: Colour = (84, 93, 110, 255)
     path: Colour = (255, 178, 62, 255)
     tool: Colour = (70, 225, 190, 255)
     epsilon: Colour = (235, 238, 242, 255)
@@ -102,6 +103,11 @@ class RecordingPalette:
 def objective_label(name: str, unit: str, maximised: bool) -> str:
     """Return the label of an objective's axis: its name, unit and sense."""
     return name + (f" [{unit}]" if unit else "") + (", more is better" if maximised else "")
+
+
+def screen_label(name: str, unit: str, maximised: bool) -> str:
+    """Return the short label of an objective's axis on a screen: its name, unit, and an arrow where more is better."""
+    return name + (f" [{unit}]" if unit else "") + (" ↑" if maximised else "")
 
 
 PAPER = PicturePalette()

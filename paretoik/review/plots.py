@@ -20,8 +20,11 @@ from PIL import Image
 from paretoik.errors import InvalidInput
 from paretoik.front.compromise import compromise
 from paretoik.front.front import Choice, Front
+from paretoik.front.joint_motions import StoredMotions
 from paretoik.review.limits_between import describe_limits_between
 from paretoik.review.palette import PAPER, objective_label
+
+WITHOUT_ARM = "The run names no problem that can be loaded: its arm is drawn after load_front(folder, problem)."
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,10 +39,11 @@ class Highlight:
 def front_picture(front: Front, file: Path | str, choice: Choice | None = None) -> None:
     """Write a PNG of `front` and, where it has motions, of some of them: the best in each of the first objectives.
 
-    To these comes `choice`, or without one the compromise (``front.compromise``). Where one of these motions
-    exceeds a limit between samples, the words say which, when, and what helps. One objective is shown as
-    values, two and three as scatters, more as parallel coordinates; of two, neighbours on one branch of optima are
-    joined by a line, jumps dotted (``Front.jumps``). Raises InvalidInput where writing fails.
+    To these comes `choice`, or without one the compromise (``front.compromise``). Where one of these motions exceeds a
+    limit between samples, the words say which, when, and what helps; motions without their arm are drawn as joint
+    positions over time. One objective is shown as values, two and three as scatters, more as parallel coordinates; of
+    two, neighbours on one branch of optima are joined by a line, jumps dotted (``Front.jumps``). Raises InvalidInput
+    where writing fails.
     """
     highlights = _highlights(front, choice)
     many, moving = len(front.names) > 2, front.motions is not None
@@ -51,8 +55,12 @@ def front_picture(front: Front, file: Path | str, choice: Choice | None = None) 
             grid: Any = {"nrows": 2} if many else {"ncols": 2, "width_ratios": [1.0, 2.0]}
             trade_off, motions = np.ravel(figure.subfigures(**grid))
             _draw_front(trade_off, front, highlights)
-            _draw_motions(motions, front, highlights)
-            warn_below(figure, describe_limits_between(front, [point.index for point in highlights]))
+            if isinstance(front.motions, StoredMotions):
+                _draw_joints(motions, front, highlights)
+                warn_below(figure, WITHOUT_ARM)
+            else:
+                _draw_motions(motions, front, highlights)
+                warn_below(figure, describe_limits_between(front, [point.index for point in highlights]))
 
 
 @contextmanager
@@ -209,6 +217,20 @@ def _draw_motions(figure: Figure | SubFigure, front: Front, highlights: Sequence
             axes.set_box_aspect(None, zoom=0.86)
     if planar:
         np.atleast_1d(panels)[0].set_ylabel("y [m]")
+
+
+def _draw_joints(figure: Figure | SubFigure, front: Front, highlights: Sequence[Highlight]) -> None:
+    """Draw the joint positions of motions whose arm is not known."""
+    assert front.motions is not None
+    panels = np.atleast_1d(figure.subplots(1, len(highlights), sharex=True, sharey=True))
+    for axes, point in zip(panels, highlights, strict=True):
+        motion = front.motions[point.index]
+        for joint, positions in zip(motion.arm.joint_names, np.transpose(motion.q), strict=True):
+            axes.plot(motion.time, positions, label=_text(joint))
+        axes.set_title(f"point {front.ids[point.index]}, {_text(point.reason)}", color=point.colour)
+        axes.set_xlabel("time [s]")
+    panels[0].set_ylabel("joint position [rad or m]")
+    panels[-1].legend(frameon=False, fontsize="small")
 
 
 def _text(words: str) -> str:

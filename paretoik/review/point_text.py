@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -22,34 +22,40 @@ FACTS = {"problem": "problem", "status": "ended by"}
 
 def choice_text(front: Front, choice: Choice, *, title: str = "chosen") -> str:
     """Return what is to be known of a choice: its reason, objectives, certificate, exchange rates, and the run."""
-    parts = [f"# Point {choice.id}, {title}", choice.reason, _objectives(front, choice.index)]
-    if front.certificates is not None:
-        parts += [_certificate(front, choice.index), _rates(front, choice.index)]
-    elif front.violation is not None:
-        parts.append(
-            f"## Certificate\n\nNone: the point was not refined. Largest violation at samples: "
-            f"{front.violation[choice.index]:.2g} of a limit's range."
-        )
-    parts.append(_run(front.provenance))
-    return screen_text("\n\n".join(part for part in parts if part))
+    return _point_text(front, choice.index, title, choice.reason)
 
 
 def point_text(front: Front, row: int, *, chosen: Choice | None) -> str:
     """Return what is to be known of any point of a front."""
     if chosen is not None and chosen.index == row:
         return choice_text(front, chosen)
-    title = f"of {len(front)} on the front"
-    return choice_text(front, front.choice(row, ""), title=title)
+    return _point_text(front, row, f"one of {len(front)}", "")
 
 
-def text_of(scene: SearchScene, generation: Generation) -> str:
-    """Return what is to be known of a generation and its compromise, or of a step of a closed loop."""
-    return screen_text(
-        _step_text(scene, generation) if scene.timeline == "step" else _generation_text(scene, generation)
-    )
+def _point_text(front: Front, row: int, title: str, reason: str) -> str:
+    parts = [f"# Point {front.ids[row]}, {title}", reason, _objectives(front, row)]
+    if front.certificates is not None:
+        parts += [_certificate(front, row), _rates(front, row)]
+    elif front.violation is not None:
+        parts.append(
+            f"## Certificate\n\nNone: the point was not refined. Largest violation at samples: "
+            f"{front.violation[row]:.2g} of a limit's range."
+        )
+    parts.append(_run(front.provenance))
+    return screen_text("\n\n".join(part for part in parts if part))
 
 
-def _generation_text(scene: SearchScene, generation: Generation) -> str:
+def text_of(scene: SearchScene, generation: Generation, moved: int | None = None) -> str:
+    """Return what is to be known of a generation and its compromise, or of a step of a closed loop.
+
+    ``moved`` is the generation whose motions are shown with it.
+    """
+    if scene.timeline == "step":
+        return screen_text(_step_text(scene, generation))
+    return screen_text(_generation_text(scene, generation, moved))
+
+
+def _generation_text(scene: SearchScene, generation: Generation, moved: int | None) -> str:
     size = front_size(generation)
     found = f"{size} {'point' if size == 1 else 'points'} on the front"
     if generation.hypervolume is not None:
@@ -59,16 +65,16 @@ def _generation_text(scene: SearchScene, generation: Generation) -> str:
     chosen = next((point for point in generation.points if point.axis is None), None)
     if len(generation.front):
         best = scene.best(generation.front)
-        heads = ["objective", "best"] + ([] if chosen is None else [f"compromise, point {chosen.id}"])
-        rows = [
-            [_cell(name), f"{best[axis]:.4g} {_cell(scene.units[axis])}"]
-            + ([] if chosen is None else [f"{chosen.objectives[axis]:.4g}"])
-            for axis, name in enumerate(scene.names)
+        lines += [
+            f"- **{scene.names[axis]}**: best {_value(best[axis], scene.units[axis])}"
+            + ("" if chosen is None else f", compromise {chosen.objectives[axis]:.4g}")
+            for axis in range(len(scene.names))
         ]
-        lines.append(_table(heads, rows))
     if chosen is not None:
-        lines.append(f"The compromise is {COMPROMISE_IN_WORDS}.")
-    return "\n\n".join(lines)
+        lines.append(f"The compromise, point {chosen.id}, is {COMPROMISE_IN_WORDS}.")
+    if moved is not None and moved != generation.number:
+        lines.append(f"The arm shows generation {moved}: these motions were not kept.")
+    return "\n".join(lines)
 
 
 def _heading(scene: SearchScene, generation: Generation) -> str:
@@ -81,31 +87,24 @@ def _step_text(scene: SearchScene, generation: Generation) -> str:
     lines = [f"# Step {generation.number}", f"{len(generation.front)} points on its front."]
     if generation.chosen is not None and len(generation.front):
         low, high = generation.front.min(axis=0), generation.front.max(axis=0)
-        rows = [
-            [
-                _cell(name),
-                f"{generation.chosen[axis]:.4g} {_cell(scene.units[axis])}",
-                f"{low[axis]:.4g} to {high[axis]:.4g}",
-            ]
+        lines += [
+            f"- **{name}**: chosen {generation.chosen[axis]:.6g} {scene.units[axis]}, the front from "
+            f"{low[axis]:.6g} to {high[axis]:.6g}"
             for axis, name in enumerate(scene.names)
         ]
-        lines.append(_table(["objective", "chosen", "on the step's front"], rows))
-    return "\n\n".join(lines)
-
-
-def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    lines = [heads, ["---"] * len(heads), *rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+    return "\n".join(lines)
 
 
 def _objectives(front: Front, row: int) -> str:
-    rows = []
+    lines = ["## Objectives", ""]
     for axis, name in enumerate(front.names):
         low, high = front.ranges[axis]
         sense = ", more is better" if front.maximised[axis] else ""
-        value = f"{front.objectives[row, axis]:.4g} {_cell(front.units[axis])}"
-        rows.append([_cell(name) + sense, value, f"{low:.4g} to {high:.4g}", f"{front.shares[row, axis]:.0%}"])
-    return "## Objectives\n\n" + _table(["objective", "value", "on the front", "share"], rows)
+        lines.append(
+            f"- **{name}{sense}**: {_value(front.objectives[row, axis], front.units[axis])}; on the front "
+            f"{low:.4g} to {high:.4g}, {front.shares[row, axis]:.0%} of that from the best"
+        )
+    return "\n".join(lines)
 
 
 def _certificate(front: Front, row: int) -> str:
@@ -144,5 +143,5 @@ def _run(provenance: Mapping[str, Any]) -> str:
     return "## Run\n\n" + "\n".join(lines) if lines else ""
 
 
-def _cell(words: str) -> str:
-    return words.replace("|", "\\|")
+def _value(value: float, unit: str) -> str:
+    return f"{value:.4g} {unit}".rstrip()

@@ -69,7 +69,7 @@ class RecordingStoppedError(Exception):
 class Frame:
     """A message in the queue: its bytes, and its number in a series that may be thinned."""
 
-    content: bytes
+    content: memoryview
     number: int | None = None
 
 
@@ -112,7 +112,7 @@ class RecordingProcess:
         content = pickle_message((kind, message))
         if self._answered == self._sent:
             self._heard = time.monotonic()  # until now there was nothing to answer
-        self._queue.append(Frame(len(content).to_bytes(HEADER) + content, number))
+        self._queue.append(Frame(content, number))
         self._sent += 1
         while self._waiting > self._options.queue and self._thin(2 * self.stride):
             pass
@@ -179,7 +179,7 @@ class RecordingProcess:
     def _write(self) -> bool:
         """Write what the pipe takes; say whether the child can still read."""
         while self._queue:
-            content = memoryview(self._queue[0].content)
+            content = self._queue[0].content
             try:
                 self._offset += os.write(self._input.fileno(), content[self._offset :])
             except BlockingIOError:
@@ -243,11 +243,14 @@ def read_only(mapping: dict[Any, Any]) -> MappingProxyType[Any, Any]:
     return MappingProxyType(mapping)
 
 
-def pickle_message(message: Any) -> bytes:
-    """Return a message as bytes."""
-    content = BytesIO()
+def pickle_message(message: Any) -> memoryview:
+    """Return the length of a message, and the message."""
+    content = BytesIO(bytes(HEADER))
+    content.seek(HEADER)
     _Pickler(content, protocol=5).dump(message)
-    return content.getvalue()
+    frame = content.getbuffer()
+    frame[:HEADER] = (len(frame) - HEADER).to_bytes(HEADER)
+    return frame
 
 
 def _environment() -> dict[str, str]:

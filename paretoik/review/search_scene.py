@@ -16,7 +16,7 @@ from paretoik.arrays import Ids, Objectives, Values
 from paretoik.formulations.protocol import Timeline
 from paretoik.review.drawn_axes import Canvas
 from paretoik.review.front_panels import Pair, Panels
-from paretoik.review.palette import SCREEN, Colour, objective_label
+from paretoik.review.palette import SCREEN, Colour, screen_label
 from paretoik.review.panel_marks import log_epsilon, log_moves
 from paretoik.review.parallel_axes import ParallelAxes
 from paretoik.review.recorded_point import RecordedPoint
@@ -202,14 +202,14 @@ class SearchScene:
         """Draw a front, and on top its chosen point, in parallel coordinates."""
         drawn = front if reference is None else _normalise(front, reference)
         if front_too:
-            recording.log(f"{parallel.entity}/front", parallel.lines(drawn, (*SCREEN.front[:3], 90), 0.7, 1.0))
+            recording.log(f"{parallel.entity}/front", parallel.lines(drawn, SCREEN.lines, 0.6, 1.0))
         if chosen is not None:
             row = chosen[None] if reference is None else _normalise(chosen[None], reference)
             recording.log(f"{parallel.entity}/chosen", parallel.lines(row, SCREEN.chosen, 2.2, 4.0))
 
     def label(self, axis: int) -> str:
         """Return the label of an objective."""
-        return objective_label(self.names[axis], self.units[axis], self.maximised[axis])
+        return screen_label(self.names[axis], self.units[axis], self.maximised[axis])
 
     def best(self, front: Objectives) -> Values:
         """Return the best value of each objective on a front of at least one point."""
@@ -224,7 +224,7 @@ class SearchScene:
         return [*self.root, "front", f"{self.entities[pair[0]]} - {self.entities[pair[1]]}"]
 
     def _axis(self, axis: int) -> str:
-        return f"{self.names[axis]}, share of the step's range" if self.timeline == "step" else self.label(axis)
+        return f"{self.names[axis]}, share of its range" if self.timeline == "step" else self.label(axis)
 
 
 def _escape(part: str) -> str:

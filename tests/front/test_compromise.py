@@ -60,4 +60,4 @@ def test_an_empty_front_has_none():
 def test_its_reason_says_what_a_compromise_is():
     choice = compromise(hollow())
     assert COMPROMISE_IN_WORDS in choice.reason
-    assert "71%" in choice.reason
+    assert "70.7%" in choice.reason

@@ -1,5 +1,15 @@
-"""Preferences: each chooses one point of a front and says why."""
+"""Preferences, one a file: each chooses one point of a front and says why.
 
+All measure on the stored ranges of the front, Z = (f − ideal)/(nadir − ideal) (``front.shares``), so that more points
+do not move a choice; ties are broken by ``front.ties``.
+"""
+
+from paretoik.front.preferences.aspiration import Aspiration
+from paretoik.front.preferences.bounds import Bounds
+from paretoik.front.preferences.classify import Classify
+from paretoik.front.preferences.knee import Knee
+from paretoik.front.preferences.lexicographic import Lexicographic
+from paretoik.front.preferences.robust import Robust
 from paretoik.front.preferences.weights import Weights
 
-__all__ = ["Weights"]
+__all__ = ["Aspiration", "Bounds", "Classify", "Knee", "Lexicographic", "Robust", "Weights"]

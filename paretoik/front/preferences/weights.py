@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-import reprlib
 from collections.abc import Mapping
 from dataclasses import dataclass
-from numbers import Real
-from types import MappingProxyType
 
 import numpy as np
 
 from paretoik.arrays import Values
 from paretoik.errors import InvalidInput
+from paretoik.front.explanation import compare_neighbours
 from paretoik.front.front import Choice, Front
+from paretoik.front.preferences.named_numbers import named_numbers, named_text
+from paretoik.front.preferences.supported import reached_by_weights
+from paretoik.front.reason import list_words, subject
+from paretoik.front.subset import check_known
 from paretoik.front.ties import first_row
 
 
@@ -25,72 +27,72 @@ class Weights:
     the best first objective, then the lowest id. The weights have no unit and need not sum to anything:
     ``Weights(kinetic_energy=0.3, torque_norm=0.7)``, or a mapping where a name is no identifier.
 
+    Weights reach points on the convex hull of the front alone, and the reason says how many others there are;
+    ``Aspiration`` reaches every point.
+
     Raises InvalidInput where a weight is no finite number of at least 0, none is positive, or a name comes twice.
     """
 
     weights: Mapping[str, float]
 
     def __init__(self, mapping: Mapping[str, float] | None = None, /, **weights: float) -> None:
-        if not isinstance(mapping, Mapping | None):
-            raise InvalidInput(f"weights: numbers by objective wanted, such as {{'energy': 0.3}}, got {mapping!r}")
-        merged = dict(mapping or {})
-        twice = sorted(merged.keys() & weights.keys())
-        if twice:
-            raise InvalidInput(f"weights: wanted each objective once, got {twice[0]} twice")
-        merged.update(weights)
-        for name, weight in merged.items():
-            if not _is_weight(weight):
-                raise InvalidInput(f"weights: wanted a finite number >= 0 for {name}, got {reprlib.repr(weight)}")
-        if not any(merged.values()):
-            raise InvalidInput(f"weights: wanted at least one above zero, got {merged}")
-        object.__setattr__(self, "weights", MappingProxyType({name: float(weight) for name, weight in merged.items()}))
+        object.__setattr__(self, "weights", check_weights("weights", mapping, weights))
 
     def __repr__(self) -> str:
-        return f"Weights({', '.join(f'{name}={weight:g}' for name, weight in self.weights.items())})"
+        return f"Weights({named_text(self.weights)})"
 
     def choose(self, front: Front) -> Choice:
         """Return the point with the smallest weighted sum; raises InvalidInput where a weight names no objective."""
-        unknown = [name for name in self.weights if name not in front.names]
-        if unknown:
-            raise InvalidInput(f"weights: wanted names among {', '.join(front.names)}, got {unknown[0]!r}")
-        weights = np.array([self.weights.get(name, 0.0) for name in front.names])
-        weights /= weights.max()  # so that the sum of huge weights stays finite
-        weights /= weights.sum()
-        index = first_row(front, front.shares @ weights)
-        return front.choice(index, _reason(front, index, weights))
+        weights = weights_by_axis(front, self.weights, "weights")
+        sums = front.shares @ weights
+        row = first_row(front, sums)
+        unreached = front.ids[~reached_by_weights(front)].tolist()
+        verdict = (
+            f"{subject(front, row)} has the least weighted sum, {sums[row]:.3g}, of what objectives give up of their "
+            f"ranges ({weights_in_words(front, weights)})."
+        )
+        return front.choice(
+            row,
+            " ".join(filter(None, [verdict, _unnamed(front, weights), _unreached(front, row, unreached)])),
+            preference=self,
+            score=float(sums[row]),
+            details={"weights": dict(zip(front.names, weights.tolist(), strict=True)), "unreached": tuple(unreached)},
+        )
 
 
-def _is_weight(value: object) -> bool:
-    try:
-        return isinstance(value, Real) and 0.0 <= float(value) < np.inf
-    except OverflowError:
-        return False
-
-
-def _reason(front: Front, index: int, weights: Values) -> str:
-    weight_text = ", ".join(f"{name} {weight:.0%}" for name, weight in zip(front.names, weights, strict=True) if weight)
-    values = "; ".join(
-        f"{front.quantity(axis, front.objectives[index, axis])}, "
-        + (f"{share:.0%} of the range from the best" if low < high else "the same at every point")
-        for axis, (share, (low, high)) in enumerate(zip(front.shares[index], front.ranges, strict=True))
+def check_weights(kind: str, mapping: Mapping[str, float] | None, keywords: Mapping[str, float]) -> Mapping[str, float]:
+    """Return weights by objective; raises InvalidInput unless all are at least 0 and one is positive."""
+    weights = named_numbers(
+        kind, mapping, keywords, accept=lambda weight: 0.0 <= weight < np.inf, wanted="a finite number >= 0"
     )
-    return (
-        f"Of {len(front)} points point {front.ids[index]} has the least weighted sum ({weight_text}): {values}. "
-        + _nearest_alternative(front, index)
-    )
+    if not any(weights.values()):
+        raise InvalidInput(f"{kind}: wanted at least one above zero, got {dict(weights)}")
+    return weights
 
 
-def _nearest_alternative(front: Front, index: int) -> str:
-    if len(front) == 1:
-        return "There is no alternative."
-    distance = np.linalg.norm(front.shares - front.shares[index], axis=1)
-    distance[index] = np.inf
-    other = first_row(front, distance)
-    better = front.minimised[other] - front.minimised[index]
-    steps = np.abs(front.objectives[other] - front.objectives[index])
-    gains = [front.quantity(axis, steps[axis]) for axis in range(len(steps)) if better[axis] < 0]
-    costs = [front.quantity(axis, steps[axis]) for axis in range(len(steps)) if better[axis] > 0]
-    start = f"The nearest alternative is point {front.ids[other]}"
-    if not gains:
-        return f"{start}, equal in every objective."
-    return f"{start}: it gains {' and '.join(gains)} and costs {' and '.join(costs)}."
+def weights_by_axis(front: Front, named: Mapping[str, float], kind: str) -> Values:
+    """Return the weights of a front's objectives, their sum 1; raises InvalidInput where one names no objective."""
+    check_known(front, kind, named)
+    weights: Values = np.array([named.get(name, 0.0) for name in front.names])
+    weights /= weights.max()  # so that the sum of huge weights stays finite
+    return weights / weights.sum()
+
+
+def weights_in_words(front: Front, weights: Values) -> str:
+    """Return the weights that are not 0 in percent, by name."""
+    return ", ".join(f"{name} {weight:.3g}%" for name, weight in zip(front.names, 100 * weights, strict=True) if weight)
+
+
+def _unnamed(front: Front, weights: Values) -> str:
+    unnamed = [name for name, weight in zip(front.names, weights, strict=True) if not weight]
+    return f"Without a weight, {list_words(unnamed)} decided only between equal sums." if unnamed else ""
+
+
+def _unreached(front: Front, row: int, unreached: list[int]) -> str:
+    if not unreached:
+        return ""
+    near = [each.id for each in compare_neighbours(front, row) if each.id in unreached]
+    text = f"No weights at all reach {len(unreached)} of the points, which lie above straight lines between others"
+    if near:
+        text += f", among them its neighbour{'s' * (len(near) > 1)} {list_words(list(map(str, near)))}"
+    return f"{text}; an aspiration reaches them."

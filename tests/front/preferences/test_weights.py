@@ -80,14 +80,13 @@ def test_identical_points_are_chosen_by_id_and_said_to_be_equal():
     front = curve(ids=np.array([8, 3]), objectives=np.array([[1.0, 1.0], [1.0, 1.0]]))
     choice = front.select(Weights(energy=1.0))
     assert choice.id == 3
-    assert "the same at every point" in choice.reason
-    assert "point 8, equal in every objective" in choice.reason
+    assert "energy 1 J s (the same at every point)" in choice.reason
 
 
 def test_a_front_of_one_point_yields_it():
     choice = curve(ids=np.array([4]), objectives=np.array([[1.0, 2.0]])).select(Weights(torque=0.2))
     assert choice.id == 4
-    assert choice.reason.endswith("There is no alternative.")
+    assert choice.reason.startswith("Point 4, the only one, has the least weighted sum, 0")
 
 
 def test_an_objective_without_range_counts_nothing():
@@ -100,13 +99,25 @@ def test_an_objective_without_range_counts_nothing():
     assert front.select(Weights(energy=1e-3, constant=1e3)).id == 100
 
 
-def test_the_reason_says_what_was_weighed_where_the_point_stands_and_what_the_next_one_costs():
+def test_the_verdict_says_what_was_weighed_and_which_points_no_weights_reach():
     front = curve(ids=np.array([1, 2, 3]), objectives=np.array([[1.0, 4.0], [2.0, 1.0], [5.0, 0.0]]))
-    assert front.select(Weights(energy=3.0, torque=3.0)).reason == (
-        "Of 3 points point 2 has the least weighted sum (energy 50%, torque 50%): "
-        "energy 2 J s, 25% of the range from the best; torque 1 N²m²s, 25% of the range from the best. "
-        "The nearest alternative is point 1: it gains energy 1 J s and costs torque 3 N²m²s."
+    assert front.select(Weights(energy=3.0, torque=3.0)).verdict == (
+        "Of 3 points point 2 has the least weighted sum, 0.25, of what objectives give up of their ranges "
+        "(energy 50%, torque 50%)."
     )
+    hollow = curve(ids=np.array([1, 2, 3]), objectives=np.array([[1.0, 4.0], [4.0, 3.0], [5.0, 0.0]]))
+    assert hollow.select(Weights(energy=1.0)).verdict == (
+        "Of 3 points point 1 has the least weighted sum, 0, of what objectives give up of their ranges (energy 100%). "
+        "Without a weight, torque decided only between equal sums. No weights at all reach 1 of the points, which lie "
+        "above straight lines between others, among them its neighbour 2; an aspiration reaches them."
+    )
+
+
+def test_its_numbers_are_fields_too():
+    choice = curve(objectives=np.stack([LINE, np.sqrt(1.3 - LINE**2)], axis=1)).select(Weights(energy=3.0, torque=1.0))
+    assert choice.details == {"weights": {"energy": 0.75, "torque": 0.25}, "unreached": (101, 102, 103, 104, 105)}
+    assert choice.score == pytest.approx(choice.shares @ [0.75, 0.25])
+    assert repr(choice.preference) == "Weights(energy=3, torque=1)"
 
 
 def test_the_choice_carries_its_motion(front):

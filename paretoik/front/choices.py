@@ -1,0 +1,213 @@
+"""The choices kept in a run folder: `choices.json`, a tree in which every choice knows the one before it.
+
+Strict JSON with a format and a SHA-256 digest, as `run.json`; written whole at every choice. ``entries`` are listed in
+the order of their ids, from 1 on; ``current`` is the id of the present choice, null where all were taken back. Going
+back deletes nothing: what is chosen next becomes another branch.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from paretoik.errors import InvalidInput, InvalidRun
+from paretoik.front.choice import Choice, Preference
+from paretoik.run_files import CHOICES, RUN, check_digest, read_run, replace_file, run_bytes, to_json
+
+if TYPE_CHECKING:  # a front keeps its choices here
+    from paretoik.front.front import Front
+
+LONGEST_TEXT = 300  # characters of a preference's text; a user's own may have any
+
+
+@dataclass(frozen=True, kw_only=True)
+class KeptChoice:
+    """One choice that was kept: its ``id``, that of its ``parent`` (None of a first), and the id of the ``point``.
+
+    ``preference`` is its type and parameters as data, ``objectives`` are by name, ``reason`` is in words, ``time`` in
+    UTC (ISO 8601). ``former`` names the run and the choice that a closed loop was followed anew after, else None.
+    """
+
+    id: int
+    parent: int | None
+    point: int
+    preference: Mapping[str, Any]
+    objectives: Mapping[str, float]
+    reason: str
+    time: str
+    former: Mapping[str, Any] | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Choices:
+    """The choices kept in a run folder, in the order of their making, and the id of the ``current`` one."""
+
+    entries: tuple[KeptChoice, ...] = ()
+    current: int | None = None
+
+    @property
+    def chosen(self) -> KeptChoice | None:
+        """The present choice, None where there is none."""
+        return None if self.current is None else self.entries[self.current - 1]
+
+    def __len__(self) -> int:
+        return len(self.entries)
+
+    def __repr__(self) -> str:
+        """Return the tree, a line a choice, the present one marked."""
+        return "\n".join(self._lines(None, "")) or "no choice yet"
+
+    def _lines(self, parent: int | None, indent: str) -> Iterator[str]:
+        """Yield a line a choice, those that follow one another below each other, branches set in."""
+        children = [entry for entry in self.entries if entry.parent == parent]
+        for entry in children:
+            values = ", ".join(f"{name} {value:.4g}" for name, value in entry.objectives.items())
+            mark = "  <- now" if entry.id == self.current else ""
+            inner = indent + "  " * (len(children) > 1)
+            yield f"{inner}{entry.id}. point {entry.point} ({values}) by {entry.preference['text']}{mark}"
+            yield from self._lines(entry.id, inner)
+
+
+def read_choices(folder: Path) -> Choices:
+    """Return the choices kept in a run folder, none where it has no such file.
+
+    Raises InvalidRun, in one line, where the file is damaged, a link, or of another version.
+    """
+    file = folder / CHOICES
+    if not file.is_symlink() and not file.exists():
+        return Choices()
+    content = read_run(file, kind="choices")
+    check_digest(file, content)
+    try:
+        entries, current = content["entries"], content["current"]
+        _check_tree(entries, current)
+        return Choices(entries=tuple(KeptChoice(**entry) for entry in entries), current=current)
+    except (KeyError, TypeError, ValueError) as fault:
+        raise InvalidRun(f"{file}: wanted choices, got entries that are none: {fault}") from fault
+
+
+def keep_choice(
+    front: Front, choice: Choice, preference: Preference, *, former: Mapping[str, Any] | None = None
+) -> None:
+    """Append a choice to those in the front's run folder; its parent is the present one.
+
+    Where the folder does not hold the chosen point (any more), or cannot be written, a warning says that the choice is
+    not kept. Raises InvalidRun where the file of choices is damaged.
+    """
+    folder = front.folder
+    assert folder is not None
+    try:
+        _check_holds(front, choice, folder)
+        with _only_writer(folder):
+            choices = read_choices(folder)
+            entry = KeptChoice(
+                id=len(choices) + 1,
+                parent=choices.current,
+                point=choice.id,
+                preference=to_json(preference_data(preference), name="preference"),
+                objectives=dict(zip(front.names, map(float, choice.objectives), strict=True)),
+                reason=choice.reason,
+                time=datetime.now(UTC).isoformat(timespec="seconds"),
+                former=former,
+            )
+            _write(folder, Choices(entries=(*choices.entries, entry), current=entry.id))
+    except InvalidRun:
+        raise
+    except (InvalidInput, OSError) as fault:
+        warnings.warn(f"the choice is not kept: {fault}", RuntimeWarning, stacklevel=3)
+
+
+def go_back(folder: Path) -> Choices:
+    """Make the parent of the present choice the present one; raises InvalidInput where there is no choice."""
+    with _only_writer(folder):
+        choices = read_choices(folder)
+        if choices.chosen is None:
+            raise InvalidInput(f"{folder}: wanted a choice to go back from, got none")
+        choices = Choices(entries=choices.entries, current=choices.chosen.parent)
+        _write(folder, choices)
+    return choices
+
+
+def chosen(front: Front) -> Choice | None:
+    """Return the present choice of the front's run folder, as it was explained then; None where there is none.
+
+    Raises InvalidInput where the front does not have its point.
+    """
+    kept = front.choices.chosen
+    if kept is None:
+        return None
+    return replace(front[kept.point], reason=kept.reason)
+
+
+def preference_data(preference: Preference) -> dict[str, Any]:
+    """Return a preference as data: its type, its text, and of those of this project the parameters by name."""
+    kind = type(preference)
+    data = {"type": kind.__name__, "text": repr(preference)[:LONGEST_TEXT]}
+    if not kind.__module__.startswith("paretoik."):
+        return data
+    values = {name: getattr(preference, name) for name in getattr(kind, "__dataclass_fields__", ())}
+    return data | {
+        name: preference_data(value) if isinstance(value, Preference) else value for name, value in values.items()
+    }
+
+
+ENTRY_TYPES = {
+    "id": int,
+    "parent": int | None,
+    "point": int,
+    "preference": dict,
+    "objectives": dict,
+    "reason": str,
+    "time": str,
+}
+
+
+def _check_tree(entries: Any, current: Any) -> None:
+    """Raise ValueError unless ids count from 1 on, every parent comes before, and the present one is among them."""
+    for place, entry in enumerate(entries, 1):
+        wrong = [name for name, kind in ENTRY_TYPES.items() if not isinstance(entry[name], kind)]
+        if wrong:
+            raise ValueError(f"{wrong[0]} of entry {place} is {entry[wrong[0]]!r}")
+        if not isinstance(entry["preference"].get("text"), str):
+            raise ValueError(f"the preference of entry {place} has no text")
+        if entry["id"] != place or entry["parent"] not in (None, *range(1, place)):
+            raise ValueError(f"entry {place} is out of order")
+    if current not in (None, *range(1, len(entries) + 1)):
+        raise ValueError(f"no entry {current!r}")
+
+
+def _check_holds(front: Front, choice: Choice, folder: Path) -> None:
+    """Raise InvalidInput unless a run folder holds the chosen point of a front."""
+    from paretoik.front.storage import stored_points
+
+    try:
+        values = stored_points(folder).get(choice.id)
+    except InvalidRun as fault:
+        raise InvalidInput(str(fault)) from fault
+    if values is None or list(values) != choice.objectives.tolist():
+        raise InvalidInput(f"{folder}: wanted the run that has point {choice.id} of this front, got another")
+
+
+def _write(folder: Path, choices: Choices) -> None:
+    content = {"entries": [asdict(entry) for entry in choices.entries], "current": choices.current}
+    replace_file(folder / CHOICES, run_bytes(content))
+
+
+@contextmanager
+def _only_writer(folder: Path) -> Iterator[None]:
+    """Hold the folder's lock, so that of two who choose at once neither choice is lost; it ends with the process."""
+    if not (folder / RUN).is_file():
+        raise InvalidInput(f"{folder}: wanted a run folder, got none")
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(descriptor)

@@ -1,0 +1,96 @@
+"""The knee of a front as a preference."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from paretoik.arrays import Values
+from paretoik.errors import InvalidInput
+from paretoik.front.front import Choice, Front
+from paretoik.front.reason import percent, subject
+from paretoik.front.ties import ROUNDING, first_row
+
+
+@dataclass(frozen=True, kw_only=True)
+class Knee:
+    """The knee: the point from which any step costs much more than it gains.
+
+    Of two objectives the point farthest below the straight line between the ends of the front, in shares of the stored
+    ranges (Das 1999, "On characterizing the 'knee' of the Pareto curve based on normal-boundary intersection").
+    Of more the point with the largest least trade-off: exchanging p for q costs Σ max(0, Z_q − Z_p) in shares and gains
+    Σ max(0, Z_p − Z_q); the least ratio of the two over all q is the least trade-off of p (Rachmawati and Srinivasan
+    2009, IEEE Trans. Evolutionary Computation 13(4), μ(x_i, S)).
+
+    ``choose`` raises InvalidInput where there is no knee: of one objective, of two where no point lies below the line
+    (a straight or hollow front), of more where no exchange costs more than it gains.
+    """
+
+    def choose(self, front: Front) -> Choice:
+        """Return the knee; raises InvalidInput where there is none."""
+        if len(front.names) == 1:
+            raise InvalidInput("knee: wanted two objectives or more, got one, whose best point is the answer")
+        if (np.ptp(front.shares, axis=0) <= ROUNDING).all():
+            row = first_row(front, np.zeros(len(front)))
+            return front.choice(row, f"{subject(front, row)} is as good as any: all are equal.", preference=self)
+        return self._below_line(front) if len(front.names) == 2 else self._least_trade_off(front)
+
+    def _below_line(self, front: Front) -> Choice:
+        depths = _depths(front)
+        row = first_row(front, -depths)
+        if depths[row] <= ROUNDING:
+            raise InvalidInput(
+                f"knee: wanted a point below the straight line between the ends, got none among {len(front)}: "
+                "no knee; Compromise or Aspiration choose on such a front"
+            )
+        ends = [first_row(front, front.shares[:, axis]) for axis in range(2)]
+        return front.choice(
+            row,
+            f"{subject(front, row)} is the knee: it lies farthest below the straight line between the ends, points "
+            f"{front.ids[ends[0]]} and {front.ids[ends[1]]}: {percent(depths[row])} of the way from the line to the "
+            "best of both.",
+            preference=self,
+            score=-float(depths[row]),
+            details={"depth": float(depths[row]), "ends": tuple(int(front.ids[end]) for end in ends)},
+        )
+
+    def _least_trade_off(self, front: Front) -> Choice:
+        ratios, others = _least_trade_offs(front)
+        row = first_row(front, -ratios)
+        if ratios[row] <= 1.0 + ROUNDING:
+            raise InvalidInput(
+                "knee: wanted a point from which every exchange costs more than it gains, got none among "
+                f"{len(front)}: no knee; Compromise or Aspiration choose on such a front"
+            )
+        return front.choice(
+            row,
+            f"{subject(front, row)} is the knee: going from it to any other costs at least {ratios[row]:.3g} times "
+            f"what it gains, in shares of the ranges; going to point {front.ids[others[row]]} costs that little.",
+            preference=self,
+            score=-float(ratios[row]),
+            details={"least_trade_off": float(ratios[row]), "nearest_exchange": int(front.ids[others[row]])},
+        )
+
+
+def _depths(front: Front) -> Values:
+    """Return how far points lie below the line between the ends, 1 at the corner that is best in both objectives."""
+    shares = front.shares
+    first, second = (shares[first_row(front, shares[:, axis])] for axis in range(2))
+    width, height = second[0] - first[0], first[1] - second[1]  # both positive, as no end is the best in both
+    depths: Values = 1.0 - (shares[:, 0] - first[0]) / width - (shares[:, 1] - second[1]) / height
+    return depths
+
+
+def _least_trade_offs(front: Front) -> tuple[Values, np.ndarray]:
+    """Return the least trade-off of every point and the row that has it; equal points are no exchange."""
+    shares = front.shares
+    ratios, others = np.empty(len(front)), np.empty(len(front), dtype=np.int64)
+    for row, point in enumerate(shares):
+        steps = np.where(np.abs(shares - point) > ROUNDING, shares - point, 0.0)
+        costs, gains = np.maximum(steps, 0.0).sum(axis=1), np.maximum(-steps, 0.0).sum(axis=1)
+        ratio = np.full(len(front), np.inf)
+        np.divide(costs, gains, out=ratio, where=gains > 0)
+        others[row] = first_row(front, ratio)
+        ratios[row] = ratio[others[row]]
+    return ratios, others

@@ -1,0 +1,47 @@
+"""Numbers by objective, as preferences take them: a mapping, keywords, or both."""
+
+from __future__ import annotations
+
+import reprlib
+from collections.abc import Callable, Mapping
+from numbers import Real
+from types import MappingProxyType
+
+import numpy as np
+
+from paretoik.errors import InvalidInput
+
+
+def named_numbers(
+    kind: str,
+    mapping: Mapping[str, float] | None,
+    keywords: Mapping[str, float],
+    *,
+    accept: Callable[[float], bool] = np.isfinite,
+    wanted: str = "a finite number",
+) -> Mapping[str, float]:
+    """Return numbers by objective, read-only; raises InvalidInput for what is none, and names that come twice."""
+    if not isinstance(mapping, Mapping | None):
+        raise InvalidInput(f"{kind}: numbers by objective wanted, such as {{'energy': 0.3}}, got {mapping!r}")
+    merged = dict(mapping or {})
+    twice = sorted(merged.keys() & keywords.keys())
+    if twice:
+        raise InvalidInput(f"{kind}: wanted each objective once, got {twice[0]} twice")
+    merged.update(keywords)
+    for name, value in merged.items():
+        if not _is_number(value) or not accept(float(value)):
+            raise InvalidInput(f"{kind}: wanted {wanted} for {name}, got {reprlib.repr(value)}")
+    return MappingProxyType({name: float(value) for name, value in merged.items()})
+
+
+def named_text(numbers: Mapping[str, float]) -> str:
+    """Return numbers by objective as they are written in Python."""
+    identifiers = all(name.isidentifier() for name in numbers)
+    return ", ".join(f"{name}={value:g}" for name, value in numbers.items()) if identifiers else str(dict(numbers))
+
+
+def _is_number(value: object) -> bool:
+    try:
+        return isinstance(value, Real) and not np.isnan(float(value))
+    except OverflowError:
+        return False

@@ -1,0 +1,119 @@
+"""Some points of a front: by their ids, or within bounds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from numbers import Integral
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from paretoik.arrays import Mask
+from paretoik.errors import InvalidInput
+from paretoik.inputs import finite_number
+
+if TYPE_CHECKING:  # a front asks this file for its parts
+    from paretoik.front.front import Front
+
+Bound: TypeAlias = tuple[float | None, float | None]
+
+
+def row_of(front: Front, number: object, *, name: str = "front") -> int:
+    """Return the row of the point with an id; raises InvalidInput where the front has none."""
+    if isinstance(number, bool) or not isinstance(number, Integral):
+        raise InvalidInput(f"{name}: an id, or several, wanted, got {number!r}")
+    return int(_rows_of(front, np.array([int(number)], dtype=object), name)[0])
+
+
+def with_ids(front: Front, ids: Any) -> Front:
+    """Return the front of the points with these ids, in their order on the front.
+
+    Raises InvalidInput for ids that repeat or that the front does not have.
+    """
+    array = np.asarray(ids) if isinstance(ids, Sequence | np.ndarray) and not isinstance(ids, str) else np.empty((0, 0))
+    if array.ndim != 1 or (array.size and array.dtype.kind not in "iu"):
+        raise InvalidInput(f"front: an id, or several, wanted, got {ids!r}")
+    return take(front, _rows_of(front, array, "front"))
+
+
+def take(front: Front, rows: Int[np.ndarray, " rows"]) -> Front:
+    """Return the front of some rows: ranges and provenance as before, its choices kept in the same folder."""
+    part = replace(
+        front,
+        ids=front.ids[rows],
+        objectives=front.objectives[rows],
+        genes=None if front.genes is None else front.genes[rows],
+        motions=None if front.motions is None else front.motions[rows],
+        violation=None if front.violation is None else front.violation[rows],
+        certificates=None if front.certificates is None else front.certificates[rows],
+    )
+    return attach(part, front.folder)
+
+
+def attach(front: Front, folder: Any) -> Front:
+    """Return a front, itself, as one whose choices a run folder keeps."""
+    object.__setattr__(front, "folder", folder)
+    return front
+
+
+def within_bounds(front: Front, bounds: Mapping[str, Bound] | None, named: Mapping[str, Bound]) -> Front:
+    """Return the front of the points within bounds, by objective; raises InvalidInput for others than pairs."""
+    limits = bounds_by_axis(front, merge_bounds("where", bounds, named))
+    return take(front, np.flatnonzero(inside(front, limits)))
+
+
+def merge_bounds(
+    name: str, bounds: Mapping[str, Bound] | None, named: Mapping[str, Bound]
+) -> dict[str, tuple[float | None, float | None]]:
+    """Return bounds by objective, checked as far as they can be without a front."""
+    if not isinstance(bounds, Mapping | None):
+        raise InvalidInput(f"{name}: bounds by objective wanted, such as {{'energy': (None, 0.05)}}, got {bounds!r}")
+    merged, twice = {**(bounds or {}), **named}, sorted((bounds or {}).keys() & named.keys())
+    if twice:
+        raise InvalidInput(f"{name}: wanted each objective once, got {twice[0]} twice")
+    return {each: _check_bound(f"{name} {each}", pair) for each, pair in merged.items()}
+
+
+def bounds_by_axis(front: Front, bounds: Mapping[str, Bound]) -> Float[np.ndarray, "n_obj 2"]:
+    """Return the lower and upper bound of every objective, infinite where open; raises InvalidInput for other names."""
+    check_known(front, "bounds", bounds)
+    limits = np.tile([-np.inf, np.inf], (len(front.names), 1))
+    for name, pair in bounds.items():
+        for side, value in enumerate(pair):
+            if value is not None:
+                limits[front.names.index(name), side] = value
+    return limits
+
+
+def inside(front: Front, limits: Float[np.ndarray, "n_obj 2"]) -> Mask:
+    """Mark the points within the limits of every objective, these included."""
+    low, high = limits.T
+    return np.asarray(((front.objectives >= low) & (front.objectives <= high)).all(axis=1))
+
+
+def check_known(front: Front, name: str, objectives: Mapping[str, object] | Sequence[str]) -> None:
+    """Raise InvalidInput, with the valid ones, where a name is none of the front's objectives."""
+    unknown = [each for each in objectives if each not in front.names]
+    if unknown:
+        raise InvalidInput(f"{name}: wanted names among {', '.join(front.names)}, got {unknown[0]!r}")
+
+
+def _rows_of(front: Front, ids: np.ndarray, name: str) -> Int[np.ndarray, " rows"]:
+    rows = {number: row for row, number in enumerate(front.ids.tolist())}
+    unknown = [number for number in ids.tolist() if number not in rows]
+    if unknown:
+        some = ", ".join(map(str, unknown[:5])) + ", ..." * (len(unknown) > 5)
+        own = f"{len(front)} from {front.ids.min()} to {front.ids.max()}" if len(front) else "none"
+        raise InvalidInput(f"{name}: wanted ids of its points ({own}), got {some}")
+    return np.array([rows[number] for number in ids.tolist()], dtype=np.int64)
+
+
+def _check_bound(name: str, pair: object) -> tuple[float | None, float | None]:
+    if not isinstance(pair, Sequence) or isinstance(pair, str) or len(pair) != 2:
+        raise InvalidInput(f"{name}: wanted (lower, upper), None where open, got {pair!r}")
+    lower, upper = (None if side is None else finite_number(name, side) for side in pair)
+    if lower is not None and upper is not None and lower > upper:
+        raise InvalidInput(f"{name}: wanted lower <= upper, got {pair!r}")
+    return lower, upper
