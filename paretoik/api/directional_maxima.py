@@ -58,8 +58,8 @@ def directional_maxima(
         Postures to start from (more are drawn where few can be held), and the seed of their chance; planar arms with
         three joints need none.
     out
-        Folder to keep the run in: run.json, polygon.npz with every array of the result, picture.png, and review.rrd
-        with the polygon and the arm in each maximising posture, on the timeline ``direction``. ``overwrite`` allows it
+        Folder to keep the run in: run.json, polygon.npz with every array of the result, and picture.png with
+        the polygon and the arm in the maximising postures. ``overwrite`` allows it
         to replace a run that is there.
     observe
         Called with a ``RunProgress`` while something is compiled or saved; as for ``plan``.

@@ -1,4 +1,4 @@
-"""What observers and the recording see of a plan: its levels of samples, and its optima."""
+"""What observers see of a plan, and its picture: its levels of samples, and its optima."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class PlanDisplay:
 
 
 def _planned_level(number: int, level: LevelProgress) -> PlannedLevel:
-    """Return a level as it is recorded."""
+    """Return a level as it is drawn."""
     (objective,) = level.task.objectives
     starts, optima = (np.asarray(objective(level.task.motion(q))) for q in (level.starts, level.optima))
     return PlannedLevel(number=number, samples=level.samples, starts=starts, optima=optima)

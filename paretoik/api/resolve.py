@@ -65,9 +65,9 @@ def resolve(
     seed
         Of the postures that the default start is chosen from.
     out
-        Folder to keep the run in: run.json, motions.npz, traces.npz with everything in ``traces``, picture.png, and
-        review.rrd with the arm beside the path that it was to follow, and with what the method did, on the timeline
-        ``motion``. ``overwrite`` allows it to replace a run that is there.
+        Folder to keep the run in: run.json, motions.npz, traces.npz with everything in ``traces``, and picture.png with
+        the arm beside the path that it was to follow, and with what the method did. ``overwrite`` allows it to replace
+        a run that is there.
     observe
         Called with a ``RunProgress`` while something is compiled or saved; as for ``plan``.
 

@@ -1,4 +1,4 @@
-"""What the folder of directional maxima shows: a picture, and the recording."""
+"""What the folder of directional maxima shows: a picture."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from paretoik.run_files import DRAWING
 
 
 def review_polygon(polygon: PerformancePolygon, session: RunSession) -> None:
-    """Draw the polygon and record it, unless a signal came."""
+    """Draw the polygon, unless a signal came."""
     if session.folder is None or session.signal is not None:
         return
     from paretoik.review.polygon_picture import polygon_picture  # here: matplotlib takes its time

@@ -1,4 +1,4 @@
-"""What the folder of a resolved motion shows: a picture, and the recording."""
+"""What the folder of a resolved motion shows: a picture."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from paretoik.run_files import DRAWING
 
 
 def review_resolution(motion: ResolvedMotion, resolution: Resolution, session: RunSession) -> None:
-    """Draw the first of the motions, and record it."""
+    """Draw the first of the motions."""
     if session.folder is None:
         return
     from paretoik.review.resolution_picture import resolution_picture  # here: matplotlib takes its time

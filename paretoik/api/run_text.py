@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from paretoik.run_files import DRAWING
 
 if TYPE_CHECKING:
     from paretoik.front.front import Front
@@ -33,7 +34,7 @@ def front_heading(front: Front) -> str:
 
 
 def plan_text(plan: Plan, name: str, unit: str, out: Path) -> str:
-    """Return the optima of a plan, and the command that replays it."""
+    """Return the optima of a plan, and where they are pictured."""
     from paretoik.api.result_text import columns
 
     counts, status = plan.provenance["counts"], plan.provenance["status"]
@@ -45,7 +46,7 @@ def plan_text(plan: Plan, name: str, unit: str, out: Path) -> str:
     rows = [("optimum", f"{name} [{unit}]" if unit else name, "branch", "status", "limits between samples")]
     for rank, each in enumerate(plan.optima):
         rows.append((str(rank), f"{each.objective:.6g}", each.label, each.status, _kept(each.violation_between)))
-    return "\n".join([*lines, columns(rows), f"replay:  {shlex.join(['paretoik', 'show', str(out)])}"])
+    return "\n".join([*lines, columns(rows), f"pictured in {out / DRAWING}"])
 
 
 def optima_entries(plan: Plan) -> list[dict[str, Any]]:

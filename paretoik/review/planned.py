@@ -1,10 +1,11 @@
-"""What is recorded of a plan: its levels as they are done, and the motions of its optima."""
+"""What is drawn of a plan's levels."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from paretoik.arrays import Values
+import numpy as np
+from jaxtyping import Float
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -16,5 +17,5 @@ class PlannedLevel:
 
     number: int
     samples: int
-    starts: Values
-    optima: Values
+    starts: Float[np.ndarray, " starts"]
+    optima: Float[np.ndarray, " optima"]
