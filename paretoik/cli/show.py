@@ -1,20 +1,67 @@
-"""``paretoik show``: open the recording of a run in the Rerun viewer."""
+"""``paretoik show``: open the recording of a run in the Rerun viewer, on a motion of its front."""
 
 from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import Annotated
+
+import typer
 
 from paretoik.cli.console import RunFolder
 from paretoik.errors import InvalidInput
 from paretoik.run_files import RECORDING
 
 
-def show(run: RunFolder) -> None:
-    """Open the recording of a run in the Rerun viewer."""
+def show(
+    run: RunFolder,
+    point: Annotated[
+        int | None,
+        typer.Option(help="Open on the motion of this point instead of the present choice.", metavar="ID"),
+    ] = None,
+    compare: Annotated[
+        int | None, typer.Option(help="Show the motion of another point beside it, on a common time.", metavar="ID")
+    ] = None,
+) -> None:
+    """Open the recording of a run in the Rerun viewer.
+
+    It opens on the present choice of the run (paretoik select), if there is one, and else on the search.
+    """
     recording = run / RECORDING
     if not recording.is_file():
         raise InvalidInput(f"{recording}: wanted a recording, got nothing; solve with out= to make one")
+    with tempfile.TemporaryDirectory(prefix="paretoik-show-") as folder:
+        layer = Path(folder) / "choice.rrd"
+        _open(recording, *_layers(run, recording, layer, point, compare))
+
+
+def _layers(run: Path, recording: Path, layer: Path, point: int | None, compare: int | None) -> list[str]:
+    """Write a layer with the points asked for, or the present choice; return it, nothing where there is none."""
+    from paretoik.front.choices import read_choices
+
+    if point is None and compare is None and read_choices(run).chosen is None:
+        return []
+    from paretoik.api.load_front import load_front
+    from paretoik.formulations.protocol import is_loop
+    from paretoik.front.choices import chosen
+    from paretoik.front.compromise import compromise
+    from paretoik.review.choice_layer import write_choice_layer
+
+    front = load_front(run)
+    if is_loop(front):
+        if point is not None or compare is not None:
+            raise InvalidInput("point: a run with a front wanted, got a closed loop, whose only motion is shown anyhow")
+        return []
+    choice = (chosen(front) or compromise(front)) if point is None else front[point]
+    write_choice_layer(front, choice, layer, recording=recording, compare=None if compare is None else front[compare])
+    return [str(layer)]
+
+
+def _open(recording: Path, *layers: str) -> None:
+    """Open files in the viewer and wait for it; raises InvalidInput where it does not start."""
     from paretoik.review.viewer import run_viewer
 
-    viewer = run_viewer(str(recording))  # without a screen it ends with an error
+    viewer = run_viewer(str(recording), *layers)  # without a screen it ends with an error
     if viewer.returncode != 0:
         # The last line ends with the cause.
         message = (viewer.stderr.strip().splitlines() or [f"exit status {viewer.returncode}"])[-1].rsplit(": ", 1)[-1]

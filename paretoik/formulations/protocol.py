@@ -36,12 +36,12 @@ from jaxtyping import Float
 from paretoik.arrays import Genes, Objectives, Points
 from paretoik.errors import InvalidInput
 from paretoik.front.front import Front, Preference
-from paretoik.pareto.scalarisation import Observe
 
 if TYPE_CHECKING:  # so that loading a problem stays quick
     from paretoik.front.joint_motions import JointMotions
     from paretoik.nlp.program import Program, Solver
     from paretoik.pareto.cold_search import ColdSearch
+    from paretoik.pareto.scalarisation import Observe
     from paretoik.task.motion import Motion
     from paretoik.task.motion_task import MotionTask
 

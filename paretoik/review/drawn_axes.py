@@ -33,6 +33,7 @@ class TextSize:
 
 
 TEXT = TextSize()
+Ticks = Float[np.ndarray, " _"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -88,26 +89,29 @@ class Canvas:
         words, places = self._labels(across, along)
         recording.log(f"{entity}/labels", labels(words, places), static=static)
 
-    def _ticks(self) -> tuple[Values, Values]:
+    def _ticks(self) -> tuple[Ticks, Ticks]:
         upright = fitting_ticks(self.low[0], self.high[0], room=self.width, size=_width_of)
         level = fitting_ticks(self.low[1], self.high[1], room=self.height, size=lambda _: 0.6 * TEXT.line)
         return upright, level
 
-    def _labels(self, across: Values, along: Values) -> tuple[list[str], np.ndarray]:
+    def _labels(self, across: Ticks, along: Ticks) -> tuple[list[str], np.ndarray]:
         """Return the words of ticks and axes, and where their middles are."""
         words, places = list[str](), list[np.ndarray]()
         (x, y), (width, height) = self.origin, (self.width, self.height)
         if self.ticked[0]:
             under = self.place(np.array([(tick, self.low[1]) for tick in across]).reshape(-1, 2))
-            words += [tick_text(tick) for tick in across]
+            words += tick_words(across)
             places += list(under + np.array([0.0, 0.7 * TEXT.line]))
             words.append(self.labels[0])
             middle = min(x + width / 2, self.right_edge - 0.5 * text_width(self.labels[0]) - 8.0)
             places.append(np.array([middle, y + height + 1.75 * TEXT.line + self.label_drop]))
         if self.ticked[1]:
             beside = self.place(np.array([(self.low[0], tick) for tick in along]).reshape(-1, 2))
-            words += [tick_text(tick) for tick in along]
-            places += [place - (0.5 * _width_of(tick) + 6.0, 0.0) for place, tick in zip(beside, along, strict=True)]
+            beside_words = tick_words(along)
+            words += beside_words
+            places += [
+                place - (0.5 * text_width(word) + 6.0, 0.0) for place, word in zip(beside, beside_words, strict=True)
+            ]
             words.append(self.labels[1])
             places.append(np.array([x - 0.8 * TEXT.left + 0.5 * text_width(self.labels[1]), y - 0.7 * TEXT.line]))
         return words, np.array(places).reshape(-1, 2)
@@ -135,6 +139,18 @@ def text_width(words: str) -> float:
 def tick_text(tick: float) -> str:
     """Return the words of a tick."""
     return f"{tick:.6g}"
+
+
+def tick_words(ticks: Ticks) -> list[str]:
+    """Return the words of ticks; of those too close for their digits the first, and how far the others lie above it.
+
+    >>> tick_words(np.array([7698.38, 7698.3801]))
+    ['7698.38', '+0.0001']
+    """
+    words = [tick_text(tick) for tick in ticks]
+    if len(set(words)) == len(words):
+        return words
+    return [words[0], *(f"+{tick - ticks[0]:.3g}" for tick in ticks[1:])]
 
 
 def _width_of(tick: float) -> float:

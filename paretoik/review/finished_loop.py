@@ -103,6 +103,7 @@ class FinishedLoop:
             self._motions.log_whole(stream, [point], row=self._opening.number)
         stream.reset_time()
         self._motions.send(stream, point, columns)
+        self._motions.send_series(stream, point, columns)
 
     @cached_property
     def _opening(self) -> Generation | None:

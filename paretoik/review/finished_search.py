@@ -139,7 +139,10 @@ class FinishedSearch:
         for point in self._end_points:
             if point.motion is not None:
                 times = point.motion.time - point.motion.time[0]
-                self._motions.send(stream, point, [rr.TimeColumn("motion", duration=times)])
+                columns = [rr.TimeColumn("motion", duration=times)]
+                self._motions.send(stream, point, columns)
+                if point.axis is None:
+                    self._motions.send_series(stream, point, columns)
         slots = [(float(self._clock.begins[i]), self.generations[i].points) for i in sorted(self._clock.moving)]
         if has_motions(self._end_points):
             slots.append((self._clock.end, self._end_points))

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from jaxtyping import Int
 
-from paretoik.arrays import Ids, Objectives
+from paretoik.arrays import Objectives
 from paretoik.front.indicators import hypervolume
 from paretoik.review.recorder import Generation
 from paretoik.search.insertion import greedy_order, scaled, starting_points
@@ -29,7 +31,6 @@ class FrontReduction:
     def __init__(self, *, maximised: tuple[bool, ...], points: int) -> None:
         self._signs = np.where(maximised, -1.0, 1.0)
         self._points = points
-        self._reduced = False
         self._spent, self._started = 0.0, time.monotonic()
 
     def reduce(self, generation: Generation) -> Generation:
@@ -40,16 +41,9 @@ class FrontReduction:
         generation = replace(generation, hypervolume=volume, size=len(front))
         if len(front) <= self._points:
             return generation
-        self._reduced = True
         rows = spread_rows(front * self._signs, self._points)
         origins = None if generation.origins is None else generation.origins[rows]
         return replace(generation, front=front[rows], front_ids=generation.front_ids[rows], origins=origins)
-
-    def note(self) -> str:
-        """Return in words what was left out."""
-        if not self._reduced:
-            return ""
-        return f"Of a front on the way {self._points} points are drawn at most, spread over it, its ends among them."
 
     def _hypervolume(self, generation: Generation) -> float | None:
         """Return the hypervolume, None where it is not the time for it."""
@@ -62,7 +56,15 @@ class FrontReduction:
         return volume
 
 
-def spread_rows(F: Objectives, count: int) -> Ids:
+def reduction_note(generations: Sequence[Generation]) -> str:
+    """Return in words what was left out of the fronts of generations, "" for nothing."""
+    reduced = [len(each.front) for each in generations if each.size is not None and each.size > len(each.front)]
+    if not reduced:
+        return ""
+    return f"Of a front on the way {max(reduced)} points are drawn at most, spread over it, its ends among them."
+
+
+def spread_rows(F: Objectives, count: int) -> Int[np.ndarray, " rows"]:
     """Return in their order the rows of so many points of a front, minimised: the best of each objective, and MaxiMin.
 
     Marcos et al. (2012); see ``search.maximin``.
@@ -70,5 +72,4 @@ def spread_rows(F: Objectives, count: int) -> Ids:
     Z = scaled(F, F.min(axis=0), F.max(axis=0))
     starts = list(dict.fromkeys([*F.argmin(axis=0).tolist(), *starting_points(Z)]))[:count]
     order, _ = greedy_order(Z, count, np.full(len(Z), np.inf), starts)
-    rows: Ids = np.sort(order)
-    return rows
+    return np.asarray(np.sort(order))

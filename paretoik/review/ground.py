@@ -59,7 +59,7 @@ class Ground:
     def eye(self) -> rrb.EyeControls3D:
         """Look at the middle of everything from in front, from the right and from above."""
         middle, size = (self.low + self.high) / 2, float(np.linalg.norm(self.high - self.low))
-        return rrb.EyeControls3D(position=middle + size * np.array([0.5, -0.85, 0.5]), look_target=middle)
+        return rrb.EyeControls3D(position=middle + size * np.array([0.44, -0.74, 0.42]), look_target=middle)
 
     def _ticks(self, axis: int) -> np.ndarray:
         count = round((self.high[axis] - self.low[axis]) / self.step)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.arrays import Series, Times, Values
+from paretoik.arrays import Times, Values
 from paretoik.review.curve_charts import Chart, LimitLine
 from paretoik.review.palette import SCREEN
 from paretoik.review.workcell import Workcell
@@ -20,7 +20,7 @@ UNITS = {  # of turning and of sliding joints
     "torque": ("N m", "N"),
     "power": ("W", "W"),
 }
-CurvedMotion = tuple[Times, Mapping[str, Series]]
+CurvedMotion = tuple[np.ndarray, Mapping[str, np.ndarray]]  # times (time,), and (time, dof) by kind
 ALWAYS = ("position", "velocity", "torque")
 
 
@@ -50,7 +50,7 @@ def joint_charts(root: str, cell: Workcell, motions: Sequence[CurvedMotion]) -> 
 
 def posture_chart(
     cell: Workcell, values: Values, postures: Float[np.ndarray, "points dof"], label: str
-) -> tuple[Chart, Times, Series]:
+) -> tuple[Chart, np.ndarray, np.ndarray]:
     """Return the joint positions of postures (points, dof) over values of an objective, as a chart and its curves."""
     sliding = np.array([kind == "prismatic" for kind in cell.arm.joint_types])
     chart = Chart(

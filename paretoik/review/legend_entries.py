@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from paretoik.review.motion_scene import MotionScene
 from paretoik.review.palette import SCREEN, Colour
 from paretoik.review.search_scene import SearchScene
@@ -26,7 +28,7 @@ def search_entries(scene: SearchScene, motions: MotionScene | None, *, chosen: s
 def motion_entries(motions: MotionScene, chosen: str) -> list[Entry]:
     """Return what is drawn of motions in which colour."""
     cell = motions.workcell
-    entries: list[Entry] = [(f"arm of the {chosen}" if chosen == "compromise" else f"arm, {chosen}", SCREEN.arm)]
+    entries: list[Entry] = [(f"arm of the {chosen}" if chosen == "compromise" else "arm", SCREEN.arm)]
     if any(point.motion is not None and not point.motion.is_standing for point in motions.points):
         entries += [("its postures over time", SCREEN.ghost), ("path of its tool", SCREEN.path)]
     else:
@@ -38,3 +40,10 @@ def motion_entries(motions: MotionScene, chosen: str) -> list[Entry]:
     if any(chart.limits for chart in motions.charts.values()):
         entries.append(("limits: dashed", SCREEN.text))
     return entries
+
+
+def choice_entries(names: Sequence[str], motions: MotionScene | None) -> list[Entry]:
+    """Return what is drawn of one or two choices in which colour."""
+    colours = (SCREEN.chosen, SCREEN.compared)
+    marked: list[Entry] = [(name, colour) for name, colour in zip(names, colours, strict=False)]
+    return [("front", SCREEN.front), *marked, *([] if motions is None else motion_entries(motions, "of the point"))]

@@ -11,13 +11,12 @@ import rerun as rr
 import rerun.blueprint as rrb
 from jaxtyping import Float
 
-from paretoik.arrays import Series
 from paretoik.review.arm_drawing import ArmDrawing
 from paretoik.review.curve_charts import Chart
 from paretoik.review.joint_charts import joint_charts
 from paretoik.review.palette import SCREEN
 from paretoik.review.recorded_point import RecordedMotion, RecordedPoint, joint_curves
-from paretoik.review.screen_text import entity_names
+from paretoik.review.screen_text import entity_names, screen_text
 from paretoik.review.workcell import Workcell
 from paretoik.robot.kinematics import link_nodes
 
@@ -105,6 +104,18 @@ class MotionScene:
             for chart in self.charts.values():
                 chart.send_cursor(recording, columns, motion.time[rows])
 
+    def send_series(
+        self, recording: rr.RecordingStream, point: RecordedPoint, columns: Sequence[rr.TimeColumn]
+    ) -> None:
+        """Keep what the joints of a point do exactly, a row of ``columns`` a sample."""
+        if point.motion is None:
+            return
+        for kind, values in self._curves(point.motion).items():
+            style = rr.SeriesLines(names=[screen_text(name) for name in self.workcell.arm.joint_names])
+            recording.log(f"{self.root}joints/{kind}", style, static=True)
+            scalars = rr.Scalars.columns(scalars=values.ravel()).partition([values.shape[1]] * len(values))
+            recording.send_columns(f"{self.root}joints/{kind}", columns, scalars)
+
     def send_postures(
         self,
         recording: rr.RecordingStream,
@@ -150,14 +161,14 @@ class MotionScene:
             if self.drawing.meshes is not None:
                 self.drawing.meshes.log_posture(recording, motion.q[row])
 
-    def _curves(self, motion: RecordedMotion) -> Mapping[str, Series]:
+    def _curves(self, motion: RecordedMotion) -> Mapping[str, np.ndarray]:
         """Return the joint quantities of a motion."""
         if id(motion) not in self._known_curves:
             self._known_curves[id(motion)] = joint_curves(self.workcell, motion)
         return self._known_curves[id(motion)]
 
     @cached_property
-    def _known_curves(self) -> dict[int, Mapping[str, Series]]:
+    def _known_curves(self) -> dict[int, Mapping[str, np.ndarray]]:
         """Joint quantities by the identity of motions, which ``points`` keep alive."""
         return {}
 

@@ -57,6 +57,7 @@ class RecordingPalette:
     front: Colour = (255, 178, 62, 255)
     lines: Colour = (118, 86, 40, 255)
     chosen: Colour = (70, 225, 190, 255)
+    compared: Colour = (240, 110, 140, 255)
     failed: Colour = (225, 95, 95, 255)
     arm: Colour = (235, 238, 242, 255)
     ghost: Colour = (84, 93, 110, 255)

@@ -69,7 +69,7 @@ class ParallelAxes:
         strips = [np.stack([self._x, each], axis=1) for each in heights]
         return rr.LineStrips2D(strips, colors=colour, radii=rr.Radius.ui_points(radius), draw_order=order)
 
-    def _upwards(self, values: np.ndarray, low: Values, high: Values) -> np.ndarray:
+    def _upwards(self, values: np.ndarray, low: float | Values, high: float | Values) -> np.ndarray:
         return np.asarray((1.0 - (values - low) / (high - low)) * self._height)
 
     @property

@@ -33,7 +33,8 @@ def point_text(front: Front, row: int, *, chosen: Choice | None) -> str:
 
 
 def _point_text(front: Front, row: int, title: str, reason: str) -> str:
-    parts = [f"# Point {front.ids[row]}, {title}", reason, _objectives(front, row)]
+    why = f"## Why\n\n{reason}" if reason else ""
+    parts = [f"# Point {front.ids[row]}, {title}", _objectives(front, row), why]
     if front.certificates is not None:
         parts += [_certificate(front, row), _rates(front, row)]
     elif front.violation is not None:

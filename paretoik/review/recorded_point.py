@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.arrays import Series, Times, Values
+from paretoik.arrays import Times, Values
 from paretoik.review.workcell import Workcell
 from paretoik.task.limits import LIMITED
 from paretoik.task.motion import Motion
@@ -59,7 +59,7 @@ def record_motion(motion: Any, *, curves: bool, samples: int | None = None) -> R
     return RecordedMotion(time=np.array(motion.time[rows]), q=np.array(motion.q[rows]), curves=kinds)
 
 
-def joint_curves(cell: Workcell, motion: RecordedMotion) -> Mapping[str, Series]:
+def joint_curves(cell: Workcell, motion: RecordedMotion) -> Mapping[str, np.ndarray]:
     """Return the joint quantities (time, dof) of a motion by kind of limit."""
     if motion.curves is not None:
         return motion.curves

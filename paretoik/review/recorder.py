@@ -29,7 +29,7 @@ from paretoik.arrays import Ids, Objectives, Values
 from paretoik.formulations.protocol import Timeline
 from paretoik.front.front import Choice, Front
 from paretoik.review.recorded_point import RecordedPoint
-from paretoik.review.recording_process import Opening, RecorderOptions, RecordingProcess, part_of
+from paretoik.review.recording_process import Opening, RecorderOptions, RecordingProcess, cause_of, part_of
 from paretoik.review.workcell import Workcell
 from paretoik.robot.arm import Arm
 
@@ -201,10 +201,8 @@ class Recorder:
         except Exception as fault:  # a view may fail in any way; the run that it looks at must not
             if not self._failed:
                 self._failed = True
-                cause = (str(fault).splitlines() or [type(fault).__name__])[0]
-                warnings.warn(
-                    f"{self._file}: recording stopped, the run goes on: {cause}", RuntimeWarning, stacklevel=3
-                )
+                text = f"{self._file}: recording stopped, the run goes on: {cause_of(fault)}"
+                warnings.warn(text, RuntimeWarning, stacklevel=3)
 
 
 def _print_notice(text: str) -> None:

@@ -9,7 +9,7 @@ import rerun as rr
 from paretoik.review.drawn_axes import Canvas
 from paretoik.review.finished_loop import FinishedLoop
 from paretoik.review.finished_search import FinishedSearch
-from paretoik.review.front_reduction import FrontReduction
+from paretoik.review.front_reduction import FrontReduction, reduction_note
 from paretoik.review.legend import Legend
 from paretoik.review.legend_entries import search_entries
 from paretoik.review.motion_scene import MotionScene
@@ -75,7 +75,7 @@ class Recording:
         them. Without an end the last generation is the end.
         """
         end = SearchEnd(front=None) if end is None else end
-        note = " ".join(filter(None, (note, self._reduction.note())))
+        note = " ".join(filter(None, (note, reduction_note(generations))))
         kind = FinishedLoop if self._scene.timeline == "step" else FinishedSearch
         kind(scene=self._scene, recorded=self._recorded, generations=generations, end=end, note=note).log(self._stream)
 

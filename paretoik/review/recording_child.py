@@ -17,7 +17,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
-from paretoik.review.recording_process import HEADER
+from paretoik.review.recording_process import HEADER, cause_of
 
 if TYPE_CHECKING:  # Rerun may be missing, which the parent wants to be told
     from paretoik.review.recording_file import RecordingFile
@@ -77,7 +77,7 @@ def main() -> None:
     try:
         _record(parent)
     except Exception as fault:
-        parent.tell(failed=(str(fault).splitlines() or [type(fault).__name__])[0])
+        parent.tell(failed=cause_of(fault))
         sys.exit(1)
 
 

@@ -52,8 +52,9 @@ class Parent(Protocol):
 class Stream(rr.RecordingStream):
     """A stream that lets it be known whenever something is logged."""
 
-    def __init__(self, application: str, beat: Callable[[], None], flush: float) -> None:
-        super().__init__(application, batcher_config=rr.ChunkBatcherConfig(flush_tick=flush))
+    def __init__(self, application: str, beat: Callable[[], None]) -> None:
+        # Many small chunks make large files: what is logged is flushed by hand, or when there is much of it.
+        super().__init__(application, batcher_config=rr.ChunkBatcherConfig(flush_tick=3600.0))
         self._beat = beat
 
     def log(self, *arguments: Any, **settings: Any) -> None:
@@ -81,11 +82,11 @@ class RecordingFile:
         self._messages: list[Any] = []
         self._last: Any = None  # message of the series
         self._first = 0
-        self._count = 0
         self._live = LiveView(parent.tell) if opening.live else None
         self._stream, self._drawing = self._open(self._file)
         self._identity = self._file.stat().st_ino
-        self._flushed = time.monotonic()
+        self._flushed, self._size = time.monotonic(), 0
+        self._pending, self._growth = 0, float(self._options.reserve)  # messages not written, bytes a message at most
 
     def record(self, message: Any) -> None:
         """Draw a message and keep it."""
@@ -95,17 +96,18 @@ class RecordingFile:
             self._first = number if self._last is None else self._first
             self._last = message
         self._messages.append(message)
+        self._pending += 1
         self._drawing.record(message)
 
     def look_after(self) -> None:
         """Write what is not yet written, and thin what has become too much, if it is time."""
-        if time.monotonic() - self._flushed < self._options.flush:
+        much = 4 * self._pending * self._growth > self._options.reserve
+        if not much and time.monotonic() - self._flushed < self._options.flush:
             return
-        self._check_space(0)
-        self._stream.flush()
-        self._flushed = time.monotonic()
-        if self._file.stat().st_size > self._options.size and self._thin():
+        self._flush()
+        if self._size > self._options.size and self._thin():
             self._replace(self._draw_again)
+            self._flush()
         if self._live is not None:
             self._live.look_after()
 
@@ -126,7 +128,7 @@ class RecordingFile:
         # The viewer keeps one layout an application, and each run needs its own.
         application = f"{self._opening.title} in {self._file.resolve().parent.name}"
         name = re.sub(r"[^A-Za-z0-9_-]+", "-", application).strip("-")
-        stream = Stream(name, self._parent.beat, self._options.flush)
+        stream = Stream(name, self._parent.beat)
         stream.set_sinks(rr.FileSink(file), *(() if self._live is None else (self._live.sink(),)))
         stream.send_recording_name(self._opening.title)
         module, _, drawing = self._opening.scene.drawn_by.partition(":")
@@ -153,6 +155,15 @@ class RecordingFile:
         finally:
             part.unlink(missing_ok=True)
 
+    def _flush(self) -> None:
+        """Write what is not yet written, and learn how much a message takes."""
+        self._check_space(0)
+        self._stream.flush()
+        size = self._file.stat().st_size
+        if self._pending:
+            self._growth = max((size - self._size) / self._pending, 0.0)
+        self._flushed, self._size, self._pending = time.monotonic(), size, 0
+
     def _thin(self, factor: int = 2) -> bool:
         """Drop all of the series but every so-manieth message and the last; say whether there was anything to drop."""
         stride, count = factor * self.stride, len(self._messages)
@@ -171,7 +182,8 @@ class RecordingFile:
         """Return in words what was thinned."""
         if self.stride == 1:
             return ""
-        return f"The run was long: one in {self.stride} of its generations is kept here, the last one too."
+        what = getattr(self._opening.scene, "timeline", "message")
+        return f"The run was long: one in {self.stride} of its {what}s is kept here, the last one too."
 
     def _check_space(self, needed: int) -> None:
         """Raise OSError where so many bytes would fill the disk: Rerun may hang on a full one."""

@@ -78,6 +78,39 @@ class Layout:
         )
 
 
+def choice_blueprint(
+    legend: Legend,
+    front: rrb.View | None,
+    below: Sequence[rrb.View],
+    arms: Sequence[tuple[rrb.View, Sequence[rrb.View]]],
+    texts: Sequence[rrb.View],
+    *,
+    name: str,
+    recorded: rrb.Container,
+) -> rrb.Blueprint:
+    """Return the layout of a choice, or of two beside each other, on a common time; ``recorded`` is the second tab.
+
+    Of one, words stand beside the arm; of two, below the front.
+    """
+    if len(texts) == 1:
+        arm, joints = arms[0] if arms else (None, ())
+        body = Layout(
+            legend=legend, front=front, charts=below, arm=arm, joints=joints, texts=texts, timeline="motion", name=name
+        ).body()
+    else:
+        left = _column(front, [*texts, *below])
+        columns = [each for each in (left, *(_column(arm, joints) for arm, joints in arms)) if each is not None]
+        shares = [legend.height, BODY - legend.height]
+        body = rrb.Vertical(legend.view(), rrb.Horizontal(*columns), row_shares=shares, name=name)
+    return rrb.Blueprint(
+        rrb.Tabs(body, recorded),
+        rrb.BlueprintPanel(state="hidden"),
+        rrb.SelectionPanel(state="hidden"),
+        rrb.TimePanel(timeline="motion", state="collapsed", fps=FPS),
+        auto_views=False,
+    )
+
+
 def text_view(name: str) -> rrb.View:
     """Return the view of what is said of the point shown."""
     return rrb.TextDocumentView(origin=TEXT, name=name)

@@ -262,3 +262,10 @@ def _environment() -> dict[str, str]:
 def part_of(file: Path) -> Path:
     """Return where the child writes the new content of a file, before it replaces it."""
     return file.with_name(f".{file.name}.part")
+
+
+def cause_of(fault: Exception) -> str:
+    """Return in a line what went wrong."""
+    if isinstance(fault, OSError) and fault.strerror:
+        return fault.strerror
+    return (str(fault).splitlines() or [type(fault).__name__])[0]

@@ -16,7 +16,7 @@ from paretoik.review.screen_text import screen_text
 from paretoik.review.search_scene import SearchScene
 
 BEST_WORST: tuple[Colour, Colour] = (SCREEN.population, SCREEN.frame)
-DrawnChart = tuple[Chart, Times, Series]  # with its instants and curves (curves, instants)
+DrawnChart = tuple[Chart, np.ndarray, np.ndarray]  # with its instants and curves (curves, instants)
 
 
 def search_charts(scene: SearchScene, generations: Sequence[Generation]) -> list[DrawnChart]:

@@ -23,12 +23,14 @@ from paretoik.review.recorded_point import RecordedPoint
 from paretoik.review.recorder import Generation, Population
 from paretoik.review.screen_text import entity_names, screen_text
 
-Layer = Literal["population", "final", "front", "chosen"]
+Layer = Literal["population", "final", "front", "chosen", "choice", "compared"]
 LAYERS: dict[Layer, tuple[Colour, float, float]] = {  # colour, radius, which is drawn above which
     "population": (SCREEN.population, 2.2, 1.0),
     "final": (SCREEN.final, 2.6, 0.5),
     "front": (SCREEN.front, 3.2, 2.0),
     "chosen": (SCREEN.chosen, 6.5, 4.0),
+    "choice": (SCREEN.chosen, 6.5, 4.0),
+    "compared": (SCREEN.compared, 6.5, 3.5),
 }
 PARALLEL_FROM = 3  # objectives
 
@@ -156,7 +158,7 @@ class SearchScene:
                 colors=colour,
                 radii=rr.Radius.ui_points(radius),
                 labels=[f"point {number}" for number in ids[seen]] if named and ids is not None else None,
-                show_labels=layer == "chosen" and pair == self.panels.pairs[0],
+                show_labels=order > 3.0 and pair == self.panels.pairs[0],
                 draw_order=order,
             )
             recording.log([*self._panel(pair), layer], points, static=static)

@@ -114,10 +114,10 @@ class StepScene:
 
     @cached_property
     def _canvases(self) -> list[Canvas]:
-        objectives, fronts = self.step.objectives, self.step.fronts
-        return self._scene.canvases(
-            replay_window([values[front] for values, front in zip(objectives, fronts, strict=True)])
-        )
+        pairs = zip(self.step.objectives, self.step.fronts, strict=True)
+        fronts = [values[front] for values, front in pairs]
+        late = np.concatenate(fronts[len(fronts) // 2 :])  # early ones can lie orders of magnitude off
+        return self._scene.canvases(np.concatenate([replay_window(fronts), late]))
 
     @cached_property
     def _drawing(self) -> ArmDrawing:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import os
 import subprocess
 
 import pytest
@@ -28,7 +29,7 @@ def test_the_recording_is_opened_on_this_machine_only(viewer, tmp_path):
     assert str(tmp_path / "review.rrd") in command
     assert command[command.index("--bind") + 1] == "127.0.0.1"
     assert command[command.index("--port") + 1] == "auto"
-    assert viewer["env"]["RERUN_ANALYTICS"] == "0"
+    assert viewer["env"]["XDG_CONFIG_HOME"] != os.environ.get("XDG_CONFIG_HOME")
 
 
 @pytest.mark.parametrize(

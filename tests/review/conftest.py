@@ -1,63 +1,39 @@
 from __future__ import annotations
 
-from dataclasses import dataclass
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
 from paretoik.front.front import Front
 from paretoik.review.recorder import Generation
+from paretoik.robot.arm import Arm
+from paretoik.task.motion import Motion
 
 NAMES = ("kinetic_energy", "torque_norm", "manipulability", "jerk", "$cost$")
 UNITS = ("J s", "N²m²s", "", "rad²/s⁵", "€")
 MAXIMISED = (False, False, True, False, False)
 
 
-@dataclass(frozen=True, eq=False)
-class Swing:
-    """Motions of an arm of equal links, as much of a Motion as the review looks at."""
-
-    q: np.ndarray
-    time: np.ndarray
-    planar: bool
-
-    def __len__(self) -> int:
-        return len(self.q)
-
-    def __getitem__(self, index):
-        return Swing(self.q[index], self.time[index], self.planar)
-
-    @property
-    def arm(self):
-        dof = self.q.shape[-1]
-        kinds = ("revolute",) * (dof - 1) + ("prismatic",)
-        return SimpleNamespace(joint_names=tuple(f"j{n}" for n in range(dof)), joint_types=kinds, is_planar=self.planar)
-
-    @property
-    def dq(self) -> np.ndarray:
-        return np.gradient(self.q, axis=-2)
-
-    @property
-    def torque(self) -> np.ndarray:
-        return np.gradient(self.dq, axis=-2)
-
-    @property
-    def links(self) -> np.ndarray:
-        angle = np.cumsum(self.q, axis=-1)
-        height = np.zeros_like(angle) if self.planar else 0.5 * angle
-        steps = np.stack([np.cos(angle), np.sin(angle), height], axis=-1)
-        return np.concatenate([np.zeros_like(steps[..., :1, :]), np.cumsum(steps, axis=-2)], axis=-2)
-
-    @property
-    def tool(self) -> np.ndarray:
-        return self.links[..., -1, : 2 if self.planar else 3]
+def swinging_arm(planar: bool, dof: int = 3) -> Arm:
+    """An arm of equal links in the plane, or in space with a joint that slides."""
+    if planar:
+        links = [1.0] * dof
+        return Arm.planar(lengths=links, masses=links, centers=[0.5] * dof, inertias=[0.1] * dof)
+    return Arm.from_dh(
+        a=[0.0] + [1.0] * (dof - 1),
+        alpha=[0.0, np.pi / 2] + [0.0] * (dof - 2),
+        d=[0.0] * dof,
+        theta=[0.0] * dof,
+        convention="modified",
+        types=("revolute",) * (dof - 1) + ("prismatic",),
+        masses=[1.0] * dof,
+    )
 
 
-def swing(points: int, *, planar: bool, dof: int = 3, samples: int = 11) -> Swing:
-    time = np.tile(np.linspace(0.0, 1.0, samples), (points, 1))
+def swing(points: int, *, planar: bool, dof: int = 3, samples: int = 11) -> Motion:
+    time = np.linspace(0.0, 1.0, samples)
     spread = np.linspace(0.2, 1.0, points)[:, None, None]
-    return Swing(spread * np.sin(time)[..., None] * np.linspace(0.3, 1.0, dof), time, planar)
+    q = spread * np.sin(time)[:, None] * np.linspace(0.3, 1.0, dof)
+    return Motion(arm=swinging_arm(planar, dof), time=time, q=q)
 
 
 def trade_off(points: int, n_obj: int) -> np.ndarray:

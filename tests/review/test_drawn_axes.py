@@ -40,7 +40,7 @@ def test_points_that_are_no_numbers_are_never_shown():
 
 
 def test_the_second_axis_points_up():
-    canvas = Canvas(low=np.zeros(2), high=np.ones(2), labels=("x", "y"))
+    canvas = Canvas(low=np.zeros(2), high=np.ones(2), labels=("x", "y"), width=140.0, height=100.0)
     assert canvas.place(np.array([0.0, 0.0])).tolist() == [0.0, 100.0]
     assert canvas.place(np.array([1.0, 1.0])).tolist() == [140.0, 0.0]
 

@@ -12,6 +12,8 @@ from paretoik.review.recorder import SearchedFront, SearchEnd
 from paretoik.review.recording_file import RecordingFile
 from paretoik.review.recording_process import Opening, RecorderOptions
 from paretoik.review.search_scene import SearchScene
+from paretoik.review.workcell import Workcell
+from tests.review.reading import read, rows
 
 
 @pytest.fixture(autouse=True)
@@ -30,7 +32,8 @@ class NoOne:
 
 
 def recording_file(file: Path, front) -> RecordingFile:
-    scene = SearchedFront(names=front.names, units=front.units, maximised=front.maximised)
+    cell = None if front.motions is None else Workcell(arm=front.motions.arm)
+    scene = SearchedFront(names=front.names, units=front.units, maximised=front.maximised, workcell=cell)
     opening = Opening(file=str(file), title="a: test", scene=scene, live=False, options=RecorderOptions())
     return RecordingFile(opening, NoOne())
 
@@ -46,30 +49,6 @@ def recorded(file: Path, front, generations, *, finished: bool = True, weights=N
     else:
         started.close()
     return choice
-
-
-def read(file: Path) -> dict[str, list]:
-    """Return the record batches of each entity of the data recording, blueprint left out."""
-    reader = rr.chunk.RrdReader(file)
-    (store,) = reader.recordings()
-    batches: dict[str, list] = {}
-    for chunk in reader.stream(store=store):
-        batches.setdefault(str(chunk.entity_path), []).append(chunk.to_record_batch())
-    return batches
-
-
-def rows(batches: list, timeline: str, component: str) -> dict[int, np.ndarray]:
-    """Return what the last row logged at each time of `timeline` holds in `component`."""
-    last_values = {}
-    for batch in batches:
-        names = batch.schema.names
-        matching = [name for name in names if name.split(":")[-1] == component]
-        if timeline in names and matching:
-            times = batch.column(timeline).cast("int64").to_pylist()
-            for time, value in zip(times, batch.column(matching[0]).to_pylist(), strict=True):
-                if value is not None:
-                    last_values[time] = np.array(value)
-    return last_values
 
 
 def timelines(batches: list) -> set[str]:
@@ -114,7 +93,7 @@ def test_the_end_stands_on_both_timelines(tmp_path, make_front, make_generations
         np.testing.assert_array_equal(rows(entities["/search/front"], timeline, "ids")[time], front.ids)
         np.testing.assert_array_equal(rows(entities["/search/chosen"], timeline, "F")[time], choice.objectives)
     both = {"generation", "motion"}
-    drawn = [path for path in entities if path.startswith(("/front/", "/arm/links", "/joints/", "/charts/"))]
+    drawn = [path for path in entities if path.startswith(("/front/", "/arm/", "/joint_charts/", "/charts/"))]
     assert all(timelines(entities[path]) in (both, set()) for path in drawn)
 
 
@@ -132,10 +111,10 @@ def test_the_chosen_motion_is_replayed_sample_by_sample(planar, tmp_path, make_f
         series = rows(entities[f"/joints/{name}"], "motion", "scalars")
         assert sorted(series) == nanoseconds
         np.testing.assert_array_equal(np.stack([series[time] for time in nanoseconds]), values)
-    strips = rows(entities["/arm/links"], "motion", "strips")
+    strips = rows(entities["/arm/chosen/links"], "motion", "strips")
     assert sorted(strips) == nanoseconds
     last = strips[nanoseconds[-1]][0]
-    assert last.shape == (4, 2 if planar else 3)
+    assert last.shape == (5, 2 if planar else 3)
     if not planar:
         np.testing.assert_allclose(last, choice.motion.links[-1], rtol=1e-6)
 
@@ -148,9 +127,10 @@ def test_an_arm_that_stands_still_has_the_postures_of_the_front_behind_it(planar
     for name, front in (("moving", moving), ("standing", standing)):
         (tmp_path / name).mkdir()
         choice = recorded(tmp_path / name / "review.rrd", front, [])
-        (batch,) = read(tmp_path / name / "review.rrd")["/arm/ghosts"]
+        ghosts_of = "/arm/chosen/ghosts" if name == "moving" else "/arm/postures"
+        batch = read(tmp_path / name / "review.rrd")[ghosts_of][0]
         (column,) = [each for each in batch.schema.names if each.endswith(":strips")]
-        (ghosts,) = np.array(batch.column(column).to_pylist())
+        ghosts = np.array(batch.column(column).to_pylist()[0])
         behind = choice.motion.links[[0, 1, 2, 4, 5, 6, 8, 9, 10]] if name == "moving" else front.motions.links[:, 0]
         assert ghosts.shape[:2] == behind.shape[:2]
         if not planar:
@@ -178,7 +158,8 @@ def test_points_are_named_by_their_ids_and_the_chosen_one_openly(tmp_path, make_
     assert len(chosen) == len(fronts) == 3
     for path in chosen:
         assert rows(entities[path], "motion", "labels")[0].tolist() == [f"point {choice.id}"]
-        assert rows(entities[path], "motion", "show_labels")[0].tolist() == [True]
+    openly = [rows(entities[path], "motion", "show_labels")[0].tolist() for path in chosen]
+    assert sorted(openly) == [[False], [False], [True]]  # three labels would hide what lies below
     for path in fronts:
         assert rows(entities[path], "motion", "labels")[0].tolist() == [f"point {number}" for number in front.ids]
         assert rows(entities[path], "motion", "show_labels")[0].tolist() == [False]

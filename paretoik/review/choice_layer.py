@@ -1,0 +1,168 @@
+"""A chosen motion, or two beside each other, as a small layer over the recording of a run.
+
+The layer has the recording's identity, so that a viewer that opens both files shows them as one, and a layout of its
+own, which has the recording's views as a second tab. The recording itself is not touched.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from paretoik.errors import InvalidInput
+from paretoik.front.front import Choice, Front
+from paretoik.review.drawn_axes import Canvas
+from paretoik.review.legend import Legend
+from paretoik.review.legend_entries import choice_entries
+from paretoik.review.motion_scene import MotionScene
+from paretoik.review.palette import SCREEN
+from paretoik.review.parallel_axes import ParallelAxes
+from paretoik.review.point_text import choice_text
+from paretoik.review.recorded_end import chosen_point
+from paretoik.review.recorded_point import RecordedPoint
+from paretoik.review.recorded_views import recorded_tab
+from paretoik.review.recording_layout import choice_blueprint
+from paretoik.review.search_scene import SearchScene
+from paretoik.review.workcell import Workcell, workcell_of
+
+ROOTS: tuple[Literal["choice", "compared"], ...] = ("choice", "compared")
+STILL = ("generation", "replay", "point")  # timelines of the recording on which the arms of the layer stand still
+
+
+def write_choice_layer(
+    front: Front, choice: Choice, file: Path, *, recording: Path, compare: Choice | None = None
+) -> None:
+    """Write the layer that shows a choice of a front, beside it another one, over the ``recording`` of its run.
+
+    Raises InvalidInput where the recording cannot be read.
+    """
+    try:
+        reader = rr.chunk.RrdReader(recording)
+        (store,) = reader.recordings()
+        entities = {str(chunk.entity_path) for chunk in reader.stream(store=store)}
+    except (OSError, RuntimeError, ValueError) as fault:
+        cause = (str(fault).splitlines() or [type(fault).__name__])[0]
+        raise InvalidInput(f"{recording}: wanted a recording of a run, got {cause}") from fault
+    layer = ChoiceLayer(front=front, choices=(choice,) if compare is None else (choice, compare))
+    stream = rr.RecordingStream(store.application_id, recording_id=store.recording_id, send_properties=False)
+    stream.save(file)
+    layer.log(stream)
+    stream.send_blueprint(layer.blueprint(entities), make_active=True, make_default=True)
+    stream.flush()
+    stream.disconnect()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ChoiceLayer:
+    """One choice of a front, or two, with their motions on the timeline ``motion``."""
+
+    front: Front
+    choices: tuple[Choice, ...]
+
+    def log(self, stream: rr.RecordingStream) -> None:
+        """Draw the front with the choices, what is to be known of them, and their arms."""
+        self._legend.log(stream)
+        self.scene.log_axes(stream, self._canvases, static=True)
+        front = self.front
+        self.scene.log_points(stream, "front", front.objectives, self._canvases, ids=front.ids, named=True, static=True)
+        if self._parallel is not None:
+            self._parallel.log(stream, static=True)
+            stream.log(
+                f"{self._parallel.entity}/front",
+                self._parallel.lines(front.objectives, SCREEN.lines, 0.6, 1.0),
+                static=True,
+            )
+        for root, choice, point, motions in zip(ROOTS, self.choices, self._points, self._motions, strict=False):
+            self.scene.log_points(
+                stream,
+                root,
+                choice.objectives[None],
+                self._canvases,
+                ids=np.array([choice.id]),
+                named=True,
+                static=True,
+            )
+            if self._parallel is not None:
+                colour = SCREEN.chosen if root == ROOTS[0] else SCREEN.compared
+                lines = self._parallel.lines(choice.objectives[None], colour, 2.2, 4.0)
+                stream.log(f"{self._parallel.entity}/{root}", lines, static=True)
+            words = choice_text(front, choice, title="chosen" if root == ROOTS[0] else "compared")
+            stream.log(f"{root}/text", rr.TextDocument(words, media_type="text/markdown"), static=True)
+            if motions is not None and point.motion is not None:
+                motions.log(stream)
+                for timeline in STILL:
+                    stream.set_time(timeline, sequence=0) if timeline != "replay" else stream.set_time(
+                        "replay", duration=0.0
+                    )
+                stream.set_time("motion", duration=0.0)
+                motions.log_whole(stream, [point])
+                stream.reset_time()
+                times = point.motion.time - point.motion.time[0]
+                motions.send(stream, point, [rr.TimeColumn("motion", duration=times)])
+
+    def blueprint(self, recorded: Collection[str]) -> rrb.Blueprint:
+        """Return the layout, with the views of the ``recorded`` entities as a second tab."""
+        arms = [
+            (motions.view(), [chart.view() for chart in motions.charts.values()])
+            for motions in self._motions
+            if motions is not None
+        ]
+        texts = [
+            rrb.TextDocumentView(origin=f"{root}/text", name=f"point {choice.id}")
+            for root, choice in zip(ROOTS, self.choices, strict=False)
+        ]
+        below: list[rrb.View] = [] if self._parallel is None else [self._parallel.view()]
+        front = self.scene.view() if self._canvases else None
+        name = " beside ".join(f"point {choice.id}" for choice in self.choices)
+        tab = recorded_tab(self.scene, self._motions[0], recorded)
+        return choice_blueprint(self._legend, front, below, arms, texts, name=name, recorded=tab)
+
+    @property
+    def scene(self) -> SearchScene:
+        """How the front is drawn."""
+        front = self.front
+        return SearchScene(
+            names=tuple(front.names), units=tuple(front.units), maximised=tuple(front.maximised), root=(ROOTS[0],)
+        )
+
+    @cached_property
+    def _canvases(self) -> list[Canvas]:
+        return self.scene.canvases(self.front.objectives)
+
+    @cached_property
+    def _parallel(self) -> ParallelAxes | None:
+        return self.scene.parallel_axes(self.front.objectives)
+
+    @cached_property
+    def _points(self) -> list[RecordedPoint]:
+        return [chosen_point(choice) for choice in self.choices]
+
+    @cached_property
+    def _motions(self) -> list[MotionScene | None]:
+        """The arms of the choices, on the same axes; None without a workcell or motions."""
+        cell = workcell_of(self.front.problem)
+        if cell is None or any(point.motion is None for point in self._points):
+            return [None] * len(self.choices)
+        return [self._scene_of(cell, number) for number in range(len(self.choices))]
+
+    def _scene_of(self, cell: Workcell, number: int) -> MotionScene:
+        return MotionScene(
+            workcell=cell,
+            names=tuple(self.front.names),
+            points=self._points,
+            title=f"point {self.choices[number].id}",
+            root=f"{ROOTS[number]}/",
+        )
+
+    @property
+    def _legend(self) -> Legend:
+        motions = next((each for each in self._motions if each is not None), None)
+        names = [f"point {choice.id}" for choice in self.choices]
+        return Legend(entity=f"{ROOTS[0]}/legend", entries=choice_entries(names, motions))

@@ -1,0 +1,63 @@
+"""What stands in a recording."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import rerun as rr
+
+
+def read(file: Path) -> dict[str, list]:
+    """Return the record batches of each entity of the data recording, blueprint left out."""
+    reader = rr.chunk.RrdReader(file)
+    (store,) = reader.recordings()
+    batches: dict[str, list] = {}
+    for chunk in reader.stream(store=store):
+        batches.setdefault(str(chunk.entity_path), []).append(chunk.to_record_batch())
+    return batches
+
+
+def rows(batches: list, timeline: str, component: str) -> dict[int, np.ndarray]:
+    """Return what the last row logged at each time of `timeline` holds in `component`."""
+    last_values = {}
+    for batch in batches:
+        names = batch.schema.names
+        matching = [name for name in names if name.split(":")[-1] == component]
+        if timeline in names and matching:
+            times = batch.column(timeline).cast("int64").to_pylist()
+            for time, value in zip(times, batch.column(matching[0]).to_pylist(), strict=True):
+                if value is not None:
+                    last_values[time] = np.array(value)
+    return last_values
+
+
+def views(file: Path) -> dict[str, str]:
+    """Return the origin of each view of the layout, by its name and place."""
+    reader = rr.chunk.RrdReader(file)
+    (layout,) = reader.blueprints()
+    origins = {}
+    for chunk in reader.stream(store=layout):
+        batch = chunk.to_record_batch()
+        if "ViewBlueprint:space_origin" in batch.schema.names:
+            (origin,) = batch.column("ViewBlueprint:space_origin").to_pylist()[-1]
+            origins[str(chunk.entity_path)] = "/" + origin.strip("/")
+    return origins
+
+
+def shown(entities: dict[str, list], origin: str, timeline: str, time: int) -> list[str]:
+    """Return the entities at or below `origin` that have something to show at a time: static, or logged until then."""
+    return [
+        path
+        for path, batches in entities.items()
+        if (path == origin or path.startswith(origin + "/")) and any(_lasts(batch, timeline, time) for batch in batches)
+    ]
+
+
+def _lasts(batch, timeline: str, time: int) -> bool:
+    times = [
+        name for name in ("generation", "motion", "replay", "point", "step", "individual") if name in batch.schema.names
+    ]
+    if not times:
+        return True
+    return timeline in times and min(batch.column(timeline).cast("int64").to_pylist()) <= time

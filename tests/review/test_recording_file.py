@@ -1,0 +1,133 @@
+"""The file of a long run stays small, and says what it left out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rerun as rr
+
+from paretoik.front.front import Front
+from paretoik.review.recorder import Generation, SearchedFront, SearchEnd
+from paretoik.review.recording_file import RecordingFile
+from paretoik.review.recording_process import Opening, RecorderOptions
+from tests.review.reading import read, rows
+
+N_OBJ = 4
+NAMES = tuple(f"f{axis}" for axis in range(N_OBJ))
+
+
+@pytest.fixture(autouse=True)
+def strict():
+    yield
+    rr.set_strict_mode(False)
+
+
+class Listener:
+    """A parent that remembers what it is told."""
+
+    def __init__(self) -> None:
+        self.beats = 0
+
+    def tell(self, **answer) -> None: ...
+
+    def beat(self) -> None:
+        self.beats += 1
+
+
+def sphere(points: int, seed: int) -> np.ndarray:
+    directions = np.abs(np.random.default_rng(seed).normal(size=(points, N_OBJ)))
+    return 2.0 - directions / np.linalg.norm(directions, axis=1, keepdims=True)
+
+
+def generation(number: int, points: int = 60) -> Generation:
+    F = sphere(points, number)
+    ids = np.arange(points, dtype=np.int64)
+    return Generation(number=number, population=F[:40], front=F, front_ids=ids, reference=np.full(N_OBJ, 3.0))
+
+
+def front(points: int = 70) -> Front:
+    F = sphere(points, 1000)
+    return Front(ids=np.arange(points), objectives=F, names=NAMES, units=[""] * N_OBJ, maximised=[False] * N_OBJ)
+
+
+def started(file: Path, listener: Listener | None = None, **options) -> RecordingFile:
+    scene = SearchedFront(names=NAMES, units=("",) * N_OBJ, maximised=(False,) * N_OBJ)
+    settings = RecorderOptions(flush=0.01, **options)
+    opening = Opening(file=str(file), title="long", scene=scene, live=False, options=settings)
+    return RecordingFile(opening, listener or Listener())
+
+
+def fronts(file: Path) -> dict[int, np.ndarray]:
+    return rows(read(file)["/search/front"], "generation", "F")
+
+
+@pytest.mark.parametrize("count", [70, 130])
+def test_a_file_stays_below_its_size_with_evenly_spread_generations_the_first_and_the_last(count, tmp_path):
+    file, size = tmp_path / "review.rrd", 1_200_000
+    recording, largest = started(file, size=size), 0
+    for number in range(1, count + 1):
+        recording.record(generation(number))
+        recording.look_after()
+        largest = max(largest, file.stat().st_size)
+    recording.complete(SearchEnd(front=front()))
+    stride = recording.stride
+    assert stride > 1
+    assert largest < 1.1 * size
+    assert file.stat().st_size < size
+    F = fronts(file)
+    assert sorted(F) == sorted({*range(1, count + 1, stride), count})
+    for number in sorted(F)[:-1]:
+        np.testing.assert_array_equal(F[number], generation(number).front.ravel())
+    np.testing.assert_array_equal(F[count], front().objectives.ravel())
+    (note,) = read(file)["/notes/left_out"]
+    assert f"one in {stride} of its generations" in str(note.to_pydict())
+
+
+def test_a_short_run_is_kept_whole_and_nothing_is_said(tmp_path):
+    file = tmp_path / "review.rrd"
+    recording = started(file)
+    for number in range(5):
+        recording.record(generation(number))
+        recording.look_after()
+    recording.complete(SearchEnd(front=front()))
+    assert sorted(fronts(file)) == [0, 1, 2, 3, 4]
+    assert "/notes/left_out" not in read(file)
+
+
+def test_fronts_on_the_way_are_drawn_in_part_and_the_last_one_whole(tmp_path):
+    file = tmp_path / "review.rrd"
+    recording = started(file, points=25)
+    for number in range(3):
+        recording.record(generation(number))
+    recording.complete(SearchEnd(front=front()))
+    F = fronts(file)
+    assert [F[number].size // N_OBJ for number in range(3)] == [25, 25, 70]
+    np.testing.assert_array_equal(F[2], front().objectives.ravel())
+    counts = rows(read(file)["/search/counts"], "generation", "scalars")
+    assert [counts[number][0] for number in range(2)] == [60.0, 60.0]
+    (note,) = read(file)["/notes/left_out"]
+    assert "25 points" in str(note.to_pydict())
+
+
+def test_the_parent_hears_of_the_work_while_a_file_is_completed(tmp_path):
+    listener = Listener()
+    recording = started(tmp_path / "review.rrd", listener)
+    for number in range(5):
+        recording.record(generation(number))
+    before = listener.beats
+    recording.complete(SearchEnd(front=front()))
+    assert listener.beats > before + 5
+
+
+def test_a_file_that_another_run_has_replaced_is_left_alone(tmp_path):
+    file = tmp_path / "review.rrd"
+    recording = started(file)
+    recording.record(generation(1))
+    file.unlink()
+    file.write_text("another run's")
+    with pytest.raises(FileExistsError, match="another run"):
+        recording.complete(SearchEnd(front=front()))
+    assert file.read_text() == "another run's"
+    assert [left.name for left in tmp_path.iterdir()] == ["review.rrd"]
