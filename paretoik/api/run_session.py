@@ -24,7 +24,7 @@ from paretoik.loading import fingerprint
 from paretoik.review.recorder import Recorder, SearchedFront
 from paretoik.review.workcell import Workcell
 from paretoik.run_files import RECORDING, write_run
-from paretoik.stop_flag import Interrupted
+from paretoik.stop_flag import STOP, Interrupted
 
 PACKAGES = ("paretoik", "pymoo", "numpy")  # whose versions a result depends on
 
@@ -75,9 +75,11 @@ def verb_session(
     """Open a verb: catch signals, show its progress. Within another verb's, signals are that one's.
 
     Where the body raises Interrupted, a signal came before there was anything to return: KeyboardInterrupt after
-    Ctrl-C, SystemExit(143) after SIGTERM. Raises InvalidInput for an observer that cannot be called.
+    Ctrl-C, SystemExit(143) after SIGTERM. Without ``catch_signals`` these end the body as without a
+    verb. Raises InvalidInput for an observer that cannot be called.
     """
-    with open_observer(observe, time_limit=time_limit) as observer, interruptible() as interruption:
+    signals = interruptible() if catch_signals else nullcontext(Interruption())
+    with open_observer(observe, time_limit=time_limit) as observer, signals as interruption:
         try:
             yield VerbSession(observe=observer, interruption=interruption)
         except Interrupted:
@@ -156,8 +158,11 @@ class RunSession(VerbSession):
         self.keep(lambda folder: front.save(folder, overwrite=True))
 
     def keep(self, save: Callable[[Path], object]) -> None:
-        """Let the final result be saved into the run's folder."""
-        self.finished = True
+        """Let the final result be saved into the run's folder.
+
+        What a signal asked to stop has stopped by then: it does not hold for the pictures that follow.
+        """
+        self.finished, STOP[0] = True, 0
         if self.folder is not None:
             self.show(RunProgress(stage="saving"))
             save(self.folder)
