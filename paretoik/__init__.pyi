@@ -1,14 +1,16 @@
 from . import capability as capability
 from . import errors as errors
 from .api.compare import compare as compare
+from .api.directional_maxima import directional_maxima as directional_maxima
 from .api.epsilon_front import epsilon_front as epsilon_front
 from .api.export import export as export
 from .api.load_front import load_front as load_front
+from .api.load_plan import load_plan as load_plan
 from .api.plan import plan as plan
 from .api.refine import refine as refine
 from .api.report import report as report
+from .api.resolve import resolve as resolve
 from .api.solve import solve as solve
-from .capability.directional import directional_maxima as directional_maxima
 from .closed_loop.objectives import joint_displacement as joint_displacement
 from .closed_loop.objectives import position_error as position_error
 from .closed_loop.objectives import rotation_error as rotation_error
@@ -37,7 +39,6 @@ from .front.preferences import Weights as Weights
 from .joint_trajectory import controllers as controllers
 from .resolution import measures as measures
 from .resolution import methods as methods
-from .resolution.resolve import resolve as resolve
 from .robot import arms as arms
 from .robot.arm import Arm as Arm
 from .robot.pose import Pose as Pose

@@ -7,6 +7,7 @@ import importlib
 import inspect
 import sys
 import traceback
+from collections.abc import Iterable
 from difflib import get_close_matches
 from pathlib import Path
 from types import ModuleType
@@ -159,7 +160,12 @@ def _summary(error: BaseException, file: str | None) -> str:
 def fingerprint(problem: Any) -> str:
     """Return a digest of everything that gives a problem's genes their objectives."""
     parts = problem.fingerprint_parts() if hasattr(problem, "fingerprint_parts") else [problem.xl, problem.xu]
-    digest = hashlib.sha256(f"{type(problem).__name__} {problem.n_var} {problem.n_obj}".encode())
+    return digest_of(f"{type(problem).__name__} {problem.n_var} {problem.n_obj}", parts)
+
+
+def digest_of(label: str, parts: Iterable[object]) -> str:
+    """Return a digest of a label and of parts: arrays by their numbers, others by their text."""
+    digest = hashlib.sha256(label.encode())
     for part in parts:
         digest.update(np.ascontiguousarray(part).tobytes() if isinstance(part, np.ndarray) else str(part).encode())
     return digest.hexdigest()

@@ -27,10 +27,30 @@ PICTURE = "front.png"
 CERTIFICATES = "certificates.png"
 STEPS = "steps.parquet"
 SEARCHES = "searches.npz"
+OPTIMA = "optima.parquet"
+TRACES = "traces.npz"
+POLYGON = "polygon.npz"
+DRAWING = "picture.png"
 CHECKPOINT = "checkpoint"
 CHOICES = "choices.json"
 REPORT = "report.html"
-CONTENTS = (RUN, TABLE, MOTIONS, RECORDING, PICTURE, CERTIFICATES, STEPS, SEARCHES, CHECKPOINT, CHOICES, REPORT)
+CONTENTS = (
+    RUN,
+    TABLE,
+    MOTIONS,
+    RECORDING,
+    PICTURE,
+    CERTIFICATES,
+    STEPS,
+    SEARCHES,
+    OPTIMA,
+    TRACES,
+    POLYGON,
+    DRAWING,
+    CHECKPOINT,
+    CHOICES,
+    REPORT,
+)
 
 
 def replace_file(file: Path, content: bytes) -> None:

@@ -16,6 +16,7 @@ from paretoik.formulations.protocol import Differentiable
 from paretoik.front.front import Front
 from paretoik.nlp.program import Solver
 from paretoik.pareto.epsilon import epsilon_points
+from paretoik.pareto.sweep import ObserveSweep
 from paretoik.stop_flag import Interrupted, check_interruption
 
 
@@ -61,12 +62,17 @@ def complete_front(
                 refined=True,
                 cold_points=OPTIONS.cold_points,
                 solver=solver,
-                observe=count_observer(shown, "point"),
+                observe=_point_observer(shown),
             )
             return complete_x, _ids(complete_x, x, ids, first_id), complete_ranges
         return x, ids, ranges
 
     return refine_front(front, front.problem, solver=solver, observe=observe, complete=complete)
+
+
+def _point_observer(observe: Observer | None) -> ObserveSweep | None:
+    show = count_observer(observe, "point")
+    return None if show is None else lambda progress: show(progress.done, progress.total)
 
 
 def _ids(x: Points, before: Float[np.ndarray, " before *point"], ids: np.ndarray, first_id: int) -> np.ndarray:

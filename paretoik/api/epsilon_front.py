@@ -3,21 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from paretoik.api.certified_front import certified_front
 from paretoik.api.initial import initial_points
-from paretoik.api.progress import Observer, count_observer
-from paretoik.api.run_session import verb_session
-from paretoik.arrays import Genes
+from paretoik.api.progress import Observer
+from paretoik.api.review_front import review_front
+from paretoik.api.run_session import RunSession, Subject, run_session
+from paretoik.api.sweep_display import SweepDisplay
+from paretoik.arrays import Genes, Points
 from paretoik.errors import InvalidInput, check_size
+from paretoik.execution.time_limit import check_time_limit
+from paretoik.formulations.protocol import Differentiable
 from paretoik.formulations.requirements import require_program
 from paretoik.front.front import Front
+from paretoik.inputs import check_flag
 from paretoik.nlp.minimise import check_solver
 from paretoik.nlp.program import Solver
 from paretoik.pareto.epsilon import epsilon_points
+from paretoik.review.workcell import workcell_of
 from paretoik.task.motion import Motion
 
 
@@ -29,6 +36,10 @@ def epsilon_front(
     seed: int = 0,
     initial: Genes | Motion | Front | None = None,
     solver: Solver = "auto",
+    out: str | Path | None = None,
+    time_limit: float | None = None,
+    overwrite: bool = False,
+    reference: str | None = None,
     observe: Observer | bool | None = None,
 ) -> Front:
     """Return a front of certified points: one objective minimised, the others kept below ε.
@@ -48,13 +59,20 @@ def epsilon_front(
     solver
         "interior-point" for smooth objectives and limits, "sqp" (convex subproblems by Clarabel) for any; "auto" takes
         the first where it can.
+    out
+        Folder to keep the run in: run.json, front.parquet, motions.npz, review.rrd with the levels of ε on the timeline
+        ``level``, and pictures (not after a signal). ``overwrite`` allows it to replace a run that is there.
+    time_limit
+        Seconds after which the sweep ends and keeps what it has.
+    reference
+        Where the problem can be loaded from (``file.py:name``), kept in the run for ``load_front``.
     observe
-        Called with a ``RunProgress`` while each objective's optima are sought, after every point (``done`` of
+        Called with a ``RunProgress`` while each objective's optima are sought, after every level of ε (``done`` of
         ``points``), and after each point's certificate. By default a bar shows it where stderr is a terminal; True
         prints lines elsewhere, False shows nothing.
 
-    Ctrl-C and SIGTERM end the sweep within a second: the points so far are returned, those that have no certificate yet
-    as "undetermined", with the signal in ``front.provenance["status"]``.
+    Ctrl-C, SIGTERM and the time limit end the sweep within a second: the points so far are returned, those that have no
+    certificate yet as "undetermined"; why it ended stands in ``front.provenance["status"]``.
 
     Every point has its certificate in ``front.certificates``; "optimal" is meant locally. Source: Tringali & Cocuzza
     2020, section 4.3.
@@ -66,39 +84,74 @@ def epsilon_front(
     Infeasible
         Where no motion within the limits was found, with the least-violating one and the limit that binds.
     SolverFailed
-        Where no start leads to an optimum of one of the objectives alone.
+        Where no start leads to an optimum of one of the objectives alone, or the time limit comes before one does.
     """
     check_size("points", points, 2)
     if starts is not None:
         check_size("starts", starts, 1)
     check_size("seed", seed, 0)
+    check_time_limit(time_limit)
+    check_flag("overwrite", overwrite)
     formulation = require_program("epsilon_front", problem)
     if len(formulation.names) < 2:
         raise InvalidInput("epsilon_front: two objectives or more wanted, got one: plan finds its optima")
-    settings = {"points": points, "starts": starts, "seed": seed, "solver": solver}
-    with verb_session(observe) as session:
-        check_solver(formulation.program(), solver)
-        cold = formulation.cold_search(
-            starts=starts, seed=seed, solver=solver, observe=count_observer(session.observe, "optimum")
-        )
-        x, ranges = epsilon_points(
-            formulation.program,
-            cold,
-            len(formulation.names),
-            points=points,
-            initial=initial_points(formulation, initial),
-            solver=solver,
-            observe=count_observer(session.observe, "point"),
-        )
-        front = certified_front(
-            problem,
-            formulation,
-            x,
-            np.arange(len(x)),
-            ranges,
-            {"settings": settings},
-            solver=solver,
-            observe=session.observe,
-        )
-        status = {"status": session.signal or "epsilon", "counts": {"seconds": round(session.seconds, 3)}}
-        return replace(front, provenance={**front.provenance, **status})
+    check_solver(formulation.program(), solver)
+    starting = initial_points(formulation, initial)
+    settings = {"points": points, "starts": starts, "seed": seed, "solver": solver, "time_limit": time_limit}
+    with run_session(
+        Subject.of(problem, reference),
+        verb="epsilon_front",
+        settings=settings,
+        out=out,
+        overwrite=overwrite,
+        observe=observe,
+        time_limit=time_limit,
+    ) as session:
+        with session.computing(time_limit):
+            front = _sweep(problem, formulation, starting, session)
+        session.finish(front)
+        review_front(front, session)
+    return front
+
+
+def _sweep(problem: Any, formulation: Differentiable, initial: Points | None, session: RunSession) -> Front:
+    """Return the certified front of a sweep by the settings of a session, which sees its steps."""
+    settings = session.provenance["settings"]
+    session.start(
+        names=formulation.names,
+        units=formulation.units,
+        maximised=formulation.maximised,
+        timeline="level",
+        workcell=workcell_of(problem),
+    )
+    display, solver = SweepDisplay(session, formulation), settings["solver"]
+    cold = formulation.cold_search(
+        starts=settings["starts"],
+        seed=settings["seed"],
+        solver=solver,
+        observe=display.show_optima,
+    )
+    x, ranges = epsilon_points(
+        formulation.program,
+        cold,
+        len(formulation.names),
+        points=settings["points"],
+        initial=initial,
+        solver=solver,
+        observe=display.show_step,
+    )
+    front = certified_front(
+        problem,
+        formulation,
+        x,
+        np.arange(len(x)),
+        ranges,
+        dict(session.provenance),
+        solver=solver,
+        observe=session.observe,
+        seconds_per_certificate=display.seconds_per_certificate,
+    )
+    display.finish(front)
+    counts = {"points": len(front), "levels": display.levels, "seconds": round(session.seconds, 3)}
+    status = {"status": session.stopped_by or "epsilon", "counts": counts}
+    return replace(front, provenance={**front.provenance, **status})

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
-from paretoik.api.progress import Observer, count_observer
-from paretoik.api.run_session import verb_session
+from paretoik.api.plan_display import PlanDisplay
+from paretoik.api.plan_storage import save_plan
+from paretoik.api.progress import Observer
+from paretoik.api.run_session import Subject, run_session
 from paretoik.errors import check_size
+from paretoik.execution.time_limit import check_time_limit
 from paretoik.formulations.requirements import require_plan
+from paretoik.inputs import check_flag
+from paretoik.nlp.minimise import check_solver
 from paretoik.nlp.program import Solver
 from paretoik.task.motion import Motion
 from paretoik.trajectory.plan import Plan
@@ -20,6 +27,10 @@ def plan(
     seed: int = 0,
     initial: Motion | None = None,
     solver: Solver = "auto",
+    out: str | Path | None = None,
+    time_limit: float | None = None,
+    overwrite: bool = False,
+    reference: str | None = None,
     observe: Observer | bool | None = None,
 ) -> Plan:
     """Return all distinct locally optimal motions of a ``Tracking`` with one objective that its starts lead to.
@@ -39,13 +50,21 @@ def plan(
     solver
         "interior-point" for smooth objectives and limits, "sqp" (convex subproblems by Clarabel) for any; "auto" takes
         the first where it can.
+    out
+        Folder to keep the run in: run.json, optima.parquet and motions.npz (``load_plan`` opens them), and
+        picture.png (not after a signal). ``overwrite`` allows it to replace a run that is there.
+    time_limit
+        Seconds after which the search ends and keeps what it has.
+    reference
+        Where the problem can be loaded from (``file.py:name``), kept in the run for ``load_plan``.
     observe
         Called with a ``RunProgress`` after every level of samples, coarse to fine: ``done`` of all samples. By default
         a bar shows it where stderr is a terminal; True prints lines elsewhere, False shows nothing.
 
     ``plan.best.motion`` and ``plan.best.objective`` are the best, ``plan.optima`` all of them, best first. "Optimum" is
-    meant locally. Ctrl-C and SIGTERM end the search within a second: the optima so far are returned, if need be those
-    of coarser samples with "interrupted" for a status. Source: Tringali & Cocuzza 2020, section 3.1.
+    meant locally. Ctrl-C, SIGTERM and the time limit end the search within a second: the optima so far are returned, if
+    need be those of coarser samples with "interrupted" for a status; why it ended stands in
+    ``plan.provenance["status"]``. Source: Tringali & Cocuzza 2020, section 3.1.
 
     Raises
     ------
@@ -55,7 +74,8 @@ def plan(
     Infeasible
         Where no motion within the limits was found, with the least-violating one and the limit that binds.
     SolverFailed
-        Where motions within the limits were found, but none of them could be made optimal.
+        Where motions within the limits were found, but none of them could be made optimal, or none was found within
+        the time limit.
 
     >>> import paretoik as pk
     >>> path = pk.line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=51)
@@ -66,13 +86,27 @@ def plan(
     if starts is not None:
         check_size("starts", starts, 1)
     check_size("seed", seed, 0)
+    check_time_limit(time_limit)
+    check_flag("overwrite", overwrite)
     find_optima = require_plan(problem)
-    samples = len(problem.task.times)
-    with verb_session(observe) as session:
-        show = count_observer(session.observe, "sample")
-
-        def show_level(done: int, starts: int, optima: int) -> None:
-            if show is not None:
-                show(done, samples, f"{starts} starts, {optima} distinct optima")
-
-        return find_optima(starts=starts, seed=seed, initial=initial, solver=solver, observe=show_level)
+    check_solver(problem.program(), solver)
+    settings = {"starts": starts, "seed": seed, "solver": solver, "time_limit": time_limit}
+    with run_session(
+        Subject.of(problem, reference),
+        verb="plan",
+        settings=settings,
+        out=out,
+        overwrite=overwrite,
+        observe=observe,
+        time_limit=time_limit,
+    ) as session:
+        display = PlanDisplay(session, problem)
+        with session.computing(time_limit):
+            plan = find_optima(starts=starts, seed=seed, initial=initial, solver=solver, observe=display.show_level)
+        counts = {"optima": len(plan.optima), "starts": display.starts, "seconds": round(session.seconds, 3)}
+        ending = {"status": session.stopped_by or "optima", "counts": counts}
+        plan = replace(plan, provenance={**session.provenance, **ending})
+        (name,), (unit,), (maximised,) = problem.names, problem.units, problem.maximised
+        session.keep(lambda folder: save_plan(plan, folder, name=name, unit=unit, maximised=bool(maximised)))
+        display.review(plan)
+    return plan

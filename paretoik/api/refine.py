@@ -2,27 +2,31 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 from jaxtyping import Float
 
+from paretoik.api.certificate_time import seconds_per_certificate
 from paretoik.api.certified_front import certified_front, no_worse
 from paretoik.api.progress import Observer, count_observer
-from paretoik.api.run_session import verb_session
+from paretoik.api.refinement_display import RefinementDisplay, improved_points
+from paretoik.api.review_front import review_front
+from paretoik.api.run_session import Subject, run_session, verb_session
 from paretoik.api.time_left import OPTIONS as TIME_LEFT
 from paretoik.arrays import Genes, Ids, Points
 from paretoik.errors import InvalidInput
+from paretoik.execution.time_limit import check_time_limit
 from paretoik.formulations.protocol import Differentiable
 from paretoik.formulations.requirements import require_program
 from paretoik.front.front import Front
+from paretoik.inputs import check_flag
 from paretoik.loading import fingerprint
 from paretoik.nlp.minimise import check_solver
 from paretoik.nlp.program import Solver
-from paretoik.pareto.certificates import certify
 from paretoik.pareto.improver import OPTIONS, suggest_points
 from paretoik.pareto.refine import refine as refine_points
 from paretoik.pareto.scalarisation import ranges_of
@@ -31,7 +35,15 @@ from paretoik.search.endings import Progress
 
 
 def refine(
-    front: Front, problem: Any = None, *, solver: Solver = "auto", observe: Observer | bool | None = None
+    front: Front,
+    problem: Any = None,
+    *,
+    solver: Solver = "auto",
+    out: str | Path | None = None,
+    time_limit: float | None = None,
+    overwrite: bool = False,
+    reference: str | None = None,
+    observe: Observer | bool | None = None,
 ) -> Front:
     """Return the front with every point refined to a local optimum no worse in any objective, and certified.
 
@@ -45,22 +57,57 @@ def refine(
     solver
         "interior-point" for smooth objectives and limits, "sqp" (convex subproblems by Clarabel) for any; "auto" takes
         the first where it can.
+    out
+        Folder to keep the run in: run.json, front.parquet, motions.npz, review.rrd with the front before and after on
+        the timeline ``refinement``, and pictures (not after a signal). ``overwrite`` allows it to replace a run that is
+        there.
+    time_limit
+        Seconds after which it ends and keeps what it has.
+    reference
+        Where the problem can be loaded from (``file.py:name``), kept in the run for ``load_front``; by default what the
+        front's own run says.
     observe
         Called with a ``RunProgress`` after some points, refined or certified: ``done`` of ``total``. Where it returns
         true for refined ones, the others stay as they are. By default a bar shows it where stderr is a terminal; True
         prints lines elsewhere, False shows nothing.
 
-    Ctrl-C and SIGTERM end it within a second: points that are not refined by then stay as they were, those that have no
-    certificate are "undetermined", and ``front.provenance["status"]`` has the signal.
+    Ctrl-C, SIGTERM and the time limit end it within a second: points that are not refined by then stay as they were,
+    those that have no certificate are "undetermined".
 
-    A point from which no solver finds better stays as it was, and its certificate says so.
+    A point from which no solver finds better stays as it was, and its certificate says so. In the provenance of what is
+    returned ``status`` says why it ended, ``counts`` how many points there were, converged and are better than they
+    were, ``parent`` what the provenance of the front was, with the folder of its ``run``.
 
     Raises
     ------
     InvalidInput
         Where the problem is not at hand or has no gradients, or an objective or limit has no derivative.
     """
-    return refine_front(front, problem, solver=solver, observe=observe)
+    problem, formulation = _refinable(front, problem)
+    former = {**front.provenance, **({} if front.folder is None else {"run": str(front.folder)})}
+    check_solver(formulation.program(), solver)
+    check_time_limit(time_limit)
+    check_flag("overwrite", overwrite)
+    reference = front.provenance.get("problem") if reference is None else reference
+    with run_session(
+        Subject.of(problem, reference),
+        verb="refine",
+        settings={"solver": solver, "time_limit": time_limit},
+        out=out,
+        overwrite=overwrite,
+        observe=observe,
+        time_limit=time_limit,
+    ) as session:
+        display = RefinementDisplay(session, front, problem)
+        with session.computing(time_limit):
+            refined = refine_front(front, problem, solver=solver, observe=session.observe or False)
+        counts = {**refined.provenance["refined"], "improved": improved_points(front, refined)}
+        ending = {"status": session.stopped_by or "refined", "counts": counts, "parent": former}
+        refined = replace(refined, provenance={**session.provenance, **ending})
+        session.finish(refined)
+        display.show(refined)
+        review_front(refined, session)
+    return refined
 
 
 Complete: TypeAlias = Callable[
@@ -79,18 +126,12 @@ def refine_front(
     complete: Complete | None = None,
 ) -> Front:
     """Return the front refined and certified as ``refine`` does, its refined points completed where that is wanted."""
-    if not isinstance(front, Front):
-        raise InvalidInput(f"refine: a front wanted, got {front!r}")
-    problem = front.problem if problem is None else problem
-    if problem is None:
-        raise InvalidInput("refine: a front with its problem wanted; refine(front, problem) names it")
-    formulation = require_program("refine", problem)
-    _check_front(front, formulation, problem)
+    problem, formulation = _refinable(front, problem)
     ranges, ids = ranges_of(front.minimised), front.ids
     with verb_session(observe) as session:
         x, program = formulation.front_points(front), formulation.program(ranges)
         check_solver(program, solver)
-        later = 0.0 if session.observe is None else _seconds_per_certificate(formulation, x, ranges)
+        later = 0.0 if session.observe is None else seconds_per_certificate(formulation, x, ranges)
         again = TIME_LEFT.tightening if _keeps_between(problem) else 0.0
         then = "" if complete is None else "optimum"
         shown = count_observer(session.observe, "refinement", later=later, again=again, uniform=True, then=then)
@@ -115,21 +156,21 @@ def refine_front(
         return replace(refined, provenance={**refined.provenance, "refined": counts, **status})
 
 
-def _seconds_per_certificate(formulation: Differentiable, x: Points, ranges: Float[np.ndarray, " n_obj"]) -> float:
-    """Return about how long [s] a point's certificate takes: at best of three times, the first of which loads much."""
-    if not len(x):
-        return 0.0
-    program, first, seconds = formulation.program(), x[:1], list[float]()
-    for _ in range(3):
-        started = time.monotonic()
-        certify(program, first, ranges=ranges, signs=np.ones(len(ranges)), violation_between=np.zeros(1))
-        seconds.append(time.monotonic() - started)
-    return min(seconds)
-
-
 def _keeps_between(problem: Any) -> bool:
     """Return whether limits of a problem's motions are tightened between samples."""
     return getattr(getattr(problem, "task", None), "differences", None) == "spline"
+
+
+def _refinable(front: Front, problem: Any) -> tuple[Any, Differentiable]:
+    """Return the problem of a front, which has gradients; raises InvalidInput where there is none."""
+    if not isinstance(front, Front):
+        raise InvalidInput(f"refine: a front wanted, got {front!r}")
+    problem = front.problem if problem is None else problem
+    if problem is None:
+        raise InvalidInput("refine: a front with its problem wanted; refine(front, problem) names it")
+    formulation = require_program("refine", problem)
+    _check_front(front, formulation, problem)
+    return problem, formulation
 
 
 def _check_front(front: Front, formulation: Differentiable, problem: Any) -> None:

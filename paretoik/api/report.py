@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from paretoik.api.load_front import load_front
-from paretoik.api.result_text import certificate_text, gap_text, status_text
+from paretoik.api.result_text import certificate_text, gap_text
+from paretoik.api.run_text import status_text
 from paretoik.errors import InvalidInput, InvalidRun
 from paretoik.formulations.protocol import is_loop
 from paretoik.front.front import Front

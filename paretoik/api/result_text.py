@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from paretoik.api.run_text import status_text
 from paretoik.formulations.protocol import is_loop
 from paretoik.front.choices import preference_data
 from paretoik.review.limits_between import describe_limits_between
@@ -32,18 +33,6 @@ def result_text(front: Front, out: Path) -> str:
     lines.append(f"choose:  {shlex.join(['paretoik', 'select', str(out), '--weights', weights])}")
     lines.append(f"replay:  {shlex.join(['paretoik', 'show', str(out)])}")
     return "\n".join(lines)
-
-
-def status_text(front: Front) -> str:
-    """Return how far a run came and what ended it."""
-    counts, status = front.provenance["counts"], front.provenance["status"]
-    if is_loop(front):
-        return f"{counts['steps']} of {counts['of']} steps in {counts['seconds']:.1f} s (ended by {status})"
-    points = "1 point" if len(front) == 1 else f"{len(front)} points"
-    return (
-        f"{points} after {counts['generations']} generations, {counts['evaluations']} evaluations and "
-        f"{counts['seconds']:.1f} s (ended by {status})"
-    )
 
 
 def _loop_lines(front: Front) -> list[str]:
@@ -76,7 +65,7 @@ def _front_lines(front: Front) -> list[str]:
     if front.certificates is not None:
         lines.append(certificate_text(front.certificates))
     lines += filter(None, [gap_text(front), describe_limits_between(front)])
-    if counts["failed"]:
+    if counts.get("failed"):
         lines.append(f"{counts['failed']} evaluations failed, the first with: {counts['first_cause']}")
     return lines
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -13,9 +13,10 @@ from typing import Any
 
 from paretoik.api.progress import Observer, RunProgress
 from paretoik.api.progress_display import open_observer
-from paretoik.errors import InvalidInput
+from paretoik.errors import InvalidInput, SolverFailed
 from paretoik.execution.interrupts import Interruption, interruptible
 from paretoik.execution.run_folder import claim_folder
+from paretoik.execution.time_limit import TimeLimit, time_limit
 from paretoik.formulations.protocol import Timeline
 from paretoik.front.front import Front
 from paretoik.inputs import check_flag, file_path
@@ -23,7 +24,7 @@ from paretoik.loading import fingerprint
 from paretoik.review.recorder import Recorder, SearchedFront
 from paretoik.review.workcell import Workcell
 from paretoik.run_files import RECORDING, write_run
-from paretoik.stop_flag import Interrupted
+from paretoik.stop_flag import STOP, Interrupted
 
 PACKAGES = ("paretoik", "pymoo", "numpy")  # whose versions a result depends on
 
@@ -35,6 +36,7 @@ class VerbSession:
     observe: Observer | None
     interruption: Interruption
     started: float = field(default_factory=time.monotonic)
+    limit: TimeLimit = field(default_factory=lambda: TimeLimit(seconds=None))
 
     @property
     def seconds(self) -> float:
@@ -46,15 +48,38 @@ class VerbSession:
         """Name of the signal that came, if any."""
         return None if self.interruption.signal is None else self.interruption.signal.name
 
+    @property
+    def stopped_by(self) -> str | None:
+        """What ended the computation early: the name of a signal, or "time limit"."""
+        return self.signal or ("time limit" if self.limit.reached else None)
+
+    @contextmanager
+    def computing(self, seconds: float | None) -> Iterator[None]:
+        """Let the body compute for so many seconds at most; it then returns what it has, as after a signal.
+
+        Raises InvalidInput for what is no time, SolverFailed where the body has nothing by then.
+        """
+        with time_limit(seconds) as self.limit:
+            try:
+                yield
+            except Interrupted:
+                if self.signal is None and self.limit.reached:
+                    raise SolverFailed(f"time_limit: nothing was found within {seconds:g} s; more are wanted") from None
+                raise
+
 
 @contextmanager
-def verb_session(observe: Observer | bool | None, *, time_limit: float | None = None) -> Iterator[VerbSession]:
+def verb_session(
+    observe: Observer | bool | None, *, time_limit: float | None = None, catch_signals: bool = True
+) -> Iterator[VerbSession]:
     """Open a verb: catch signals, show its progress. Within another verb's, signals are that one's.
 
     Where the body raises Interrupted, a signal came before there was anything to return: KeyboardInterrupt after
-    Ctrl-C, SystemExit(143) after SIGTERM. Raises InvalidInput for an observer that cannot be called.
+    Ctrl-C, SystemExit(143) after SIGTERM. Without ``catch_signals`` these end the body as without a
+    verb. Raises InvalidInput for an observer that cannot be called.
     """
-    with open_observer(observe, time_limit=time_limit) as observer, interruptible() as interruption:
+    signals = interruptible() if catch_signals else nullcontext(Interruption())
+    with open_observer(observe, time_limit=time_limit) as observer, signals as interruption:
         try:
             yield VerbSession(observe=observer, interruption=interruption)
         except Interrupted:
@@ -130,10 +155,17 @@ class RunSession(VerbSession):
 
     def finish(self, front: Front) -> None:
         """Save the final front."""
-        self.finished = True
+        self.keep(lambda folder: front.save(folder, overwrite=True))
+
+    def keep(self, save: Callable[[Path], object]) -> None:
+        """Let the final result be saved into the run's folder.
+
+        What a signal asked to stop has stopped by then: it does not hold for the pictures that follow.
+        """
+        self.finished, STOP[0] = True, 0
         if self.folder is not None:
             self.show(RunProgress(stage="saving"))
-            front.save(self.folder, overwrite=True)
+            save(self.folder)
 
     def fail(self, error: BaseException) -> None:
         """Save why the run failed, beside the draft of its front if there is one."""
@@ -146,48 +178,64 @@ class RunSession(VerbSession):
             replace(self.draft, provenance={**self.draft.provenance, **failure}).save(self.folder, overwrite=True)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Subject:
+    """What a run is about: a ``title``, a ``fingerprint``, and the ``reference`` of its problem, if it has one."""
+
+    title: str
+    fingerprint: str
+    reference: str | None = None
+
+    @classmethod
+    def of(cls, problem: Any, reference: str | None) -> Subject:
+        """Return a problem as a subject."""
+        return cls(title=reference or type(problem).__name__, fingerprint=fingerprint(problem), reference=reference)
+
+
 @contextmanager
 def run_session(
-    problem: Any,
+    subject: Subject,
     *,
+    verb: str,
     settings: Mapping[str, Any],
     out: str | Path | None,
     overwrite: bool,
-    reference: str | None,
     observe: Observer | bool | None,
     time_limit: float | None = None,
+    catch_signals: bool = True,
     live: bool = False,
 ) -> Iterator[RunSession]:
-    """Open a run of a problem: claim its folder, catch signals, and save why it failed if it does.
+    """Open a run: claim its folder, catch signals, and save why it failed if it does.
 
-    Raises InvalidInput where the folder cannot be used, a setting cannot be JSON, or what is to be seen live has no
-    folder to be recorded in.
+    Without ``catch_signals`` a signal ends the body as it would have without a run. Raises InvalidInput where the
+    folder cannot be used, a setting cannot be JSON, or what is to be seen live has no folder to be recorded in.
     """
     check_flag("live", live)
     if live and out is None:
         raise InvalidInput("live: a folder wanted that keeps the recording (out=), got none")
     provenance = {
-        "problem": reference,
-        "fingerprint": fingerprint(problem),
+        "verb": verb,
+        "problem": subject.reference,
+        "fingerprint": subject.fingerprint,
         "settings": dict(settings),
         "versions": {name: version(name) for name in PACKAGES},
     }
     with ExitStack() as stack:
-        verb = stack.enter_context(verb_session(observe, time_limit=time_limit))
+        opened = stack.enter_context(verb_session(observe, time_limit=time_limit, catch_signals=catch_signals))
         folder = None if out is None else stack.enter_context(claim_folder(file_path("out", out), overwrite=overwrite))
         session = RunSession(
             provenance=provenance,
             folder=folder,
-            interruption=verb.interruption,
-            observe=verb.observe,
-            title=reference or type(problem).__name__,
+            interruption=opened.interruption,
+            observe=opened.observe,
+            title=subject.title,
             live=live,
         )
         if folder is not None:
             write_run(folder, {**provenance, "status": "running"})
         try:
             yield session
-        except (Exception, Interrupted) as error:
+        except (Exception, KeyboardInterrupt) as error:  # Interrupted among them
             session.fail(error)
             raise
         finally:

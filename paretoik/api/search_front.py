@@ -14,18 +14,17 @@ from paretoik.api.hypervolume_curve import HypervolumeCurve
 from paretoik.api.initial import exact_points, initial_genes, merge_front
 from paretoik.api.progress import RunProgress
 from paretoik.api.refine import SearchImprover
+from paretoik.api.review_front import review_front
 from paretoik.api.run_session import RunSession
 from paretoik.api.settings import DEFAULTS, SolveSettings
 from paretoik.errors import Infeasible, InvalidInput, check_size
 from paretoik.formulations.protocol import decode, explain_violation, has_branches
 from paretoik.formulations.requirements import check_formulation, require_program
-from paretoik.front.compromise import compromise
 from paretoik.front.front import Front
 from paretoik.inputs import real_array
 from paretoik.nlp.minimise import check_solver
-from paretoik.review.recorder import Generation, SearchEnd
+from paretoik.review.recorder import Generation
 from paretoik.review.workcell import workcell_of
-from paretoik.run_files import CERTIFICATES, PICTURE
 from paretoik.search.ask_tell import Search
 from paretoik.search.endings import Ending, Evaluations, Generations, Progress, Stagnation, Target, TimeLimit
 from paretoik.search.evolution import evolve
@@ -107,19 +106,8 @@ class FrontSearch:
         return replace(front, provenance={**front.provenance, "status": status, "counts": counts})
 
     def review(self, front: Front, session: RunSession) -> None:
-        """Finish the recording with the compromise and its motion, and, unless a signal came, draw the front."""
-        if session.folder is None:
-            return
-        session.finish_recording(SearchEnd(front=front, choice=compromise(front)))
-        if session.signal is not None:
-            return
-        from paretoik.review.plots import front_picture  # here: matplotlib takes its time
-
-        front_picture(front, session.folder / PICTURE)
-        if front.certificates is not None:
-            from paretoik.review.certificate_plots import certificates_picture
-
-            certificates_picture(front, session.folder / CERTIFICATES)
+        """Finish the recording and draw the front."""
+        review_front(front, session)
 
     def _evolve(self, session: RunSession) -> Front:
         search = self.search

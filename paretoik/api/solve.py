@@ -8,7 +8,7 @@ from typing import Any
 
 from paretoik.api.follow import LoopRun
 from paretoik.api.progress import Observer
-from paretoik.api.run_session import run_session
+from paretoik.api.run_session import Subject, run_session
 from paretoik.api.search_front import FrontSearch
 from paretoik.api.settings import SolveSettings
 from paretoik.arrays import Genes
@@ -130,11 +130,11 @@ def solve(
     )
     run: FrontSearch | LoopRun = RUNS[timeline(problem)](problem, settings)
     with run_session(
-        run.problem,
+        Subject.of(run.problem, reference),
+        verb="solve",
         settings=run.settings,
         out=out,
         overwrite=overwrite,
-        reference=reference,
         observe=observe,
         time_limit=settings.time_limit,
         live=live,

@@ -25,3 +25,16 @@ def time_left(done: int, total: int, seconds: float, later: float, again: float)
     if not done or done < OPTIONS.share * total or seconds < OPTIONS.seconds:
         return None
     return seconds / done * ((1 + again) * total - done) + later * total
+
+
+def sweep_time_left(done: int, total: int, seconds: float, *, before: int, later: float) -> float | None:
+    """Return about how many seconds an ε-front will still take; None as long as it found few points itself.
+
+    From ``before`` points on it has taken ``seconds``. All points then have their limits tightened between samples,
+    which takes a share of what finding them took, and ``later`` seconds each for their certificates.
+    """
+    found = done - before
+    if found < max(OPTIONS.share * total, 1.0) or seconds < OPTIONS.seconds:
+        return None
+    each = seconds / found
+    return each * (total - done) + total * (OPTIONS.tightening * each + later)

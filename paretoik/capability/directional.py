@@ -55,61 +55,53 @@ class PerformancePolygon:
         return self.values[:, None] * self.directions
 
 
-def directional_maxima(
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DirectionalQuery:
+    """What ``paretoik.directional_maxima`` is asked for, checked; ``directions`` are unit vectors."""
+
+    arm: Arm
+    actuation: Actuation
+    quantity: Quantity
+    position: Float[np.ndarray, " task"]
+    directions: Float[np.ndarray, "directions task"]
+    starts: int
+    seed: int
+
+
+def directional_query(
     arm: Arm,
     actuation: Actuation,
     position: object,
-    directions: object = 16,
+    directions: object,
     *,
-    quantity: Quantity = "velocity",
-    starts: int = 20_000,
-    seed: int = 0,
-) -> PerformancePolygon:
-    """Return the highest speeds or forces of an arm along each direction while its tool is at a position.
-
-    Speeds are those with which motors can hold the arm against gravity meanwhile (quasi-static); forces are those the
-    tool can exert at rest, in postures that can be held without them. In a posture with its sliders both are exact: a
-    closed form, the facet of a zonotope (a linear program gives the same). Sliders are searched where they can bear
-    their load, in 12 pieces of each stretch and by golden sections.
-
-    Postures of planar arms with three joints are evaluated on every branch, all around, at 360 places on each curve and
-    wherever limits begin or end to hold, and searched by golden sections from there: one of two maxima within a degree
-    may be missed. Other arms ascend from several of ``starts`` postures, over posture, sliders and speeds at once, by
-    interior points, until the best value was reached often: no proof.
-
-    These are speeds of an instant: the next may have left the posture that allows them. Sliders near a toggle turn
-    joints fast for a short way, and each direction has a posture and gears of its own. ``PointToPoint`` counts the way
-    there.
-
-    Parameters
-    ----------
-    arm, actuation
-        The arm, its gravity as it is mounted, and its motors.
-    position
-        Of the tool, (2,) for planar arms, else (3,) [m].
-    directions
-        How many, evenly around from the x axis (Eq. 2) or over the sphere; or vectors (directions, task), however long.
-    quantity
-        "velocity" or "force".
-    starts, seed
-        Postures to start from (more are drawn where few can be held), and the seed of their chance; planar arms with
-        three joints need none.
-
-    Raises InvalidInput naming what cannot be used; OutOfReach where no posture reaches the position, SolverFailed where
-    none was found that does; Infeasible where none was found that can be held, naming the joint, its torque and what
-    its motor can hold, or the rod's angle, of the best one. Source: Kim, Choi & Jang 2021, Eq. 1.
-    """
+    quantity: Quantity,
+    starts: int,
+    seed: int,
+) -> DirectionalQuery:
+    """Return what is asked for; raises InvalidInput naming what cannot be used."""
     check_actuation(actuation, arm)
     if quantity not in get_args(Quantity):
         raise InvalidInput(f"quantity must be one of {', '.join(get_args(Quantity))}, got {quantity!r}")
     check_size("starts", starts, 1)
     check_size("seed", seed, 0)
     task = 2 if arm.is_planar else 3
-    place = finite_array("position", position, (task,))
-    vectors = unit_directions(directions, task)
-    rng = np.random.default_rng(seed)
-    q = best_postures(arm, actuation, place, vectors, quantity, samples=starts, rng=rng)
-    return _polygon(arm, actuation, quantity, place, vectors, q)
+    return DirectionalQuery(
+        arm=arm,
+        actuation=actuation,
+        quantity=quantity,
+        position=finite_array("position", position, (task,)),
+        directions=unit_directions(directions, task),
+        starts=starts,
+        seed=seed,
+    )
+
+
+def performance_polygon(query: DirectionalQuery) -> PerformancePolygon:
+    """Return the maxima that are asked for; raises OutOfReach, SolverFailed and Infeasible as the verb does."""
+    arm, actuation, rng = query.arm, query.actuation, np.random.default_rng(query.seed)
+    ways = query.position, query.directions
+    q = best_postures(arm, actuation, *ways, query.quantity, samples=query.starts, rng=rng)
+    return _polygon(arm, actuation, query.quantity, *ways, q)
 
 
 def unit_directions(directions: object, task: int) -> Float[np.ndarray, "directions task"]:

@@ -13,8 +13,11 @@ from paretoik.cli.check_robot import check_robot
 from paretoik.cli.compare import compare
 from paretoik.cli.console import print_message, print_what_is_printable
 from paretoik.cli.export import export
+from paretoik.cli.front import front
 from paretoik.cli.list_problems import list_problems
 from paretoik.cli.navigate import navigate
+from paretoik.cli.plan import plan
+from paretoik.cli.refine import refine
 from paretoik.cli.report import report
 from paretoik.cli.select import select
 from paretoik.cli.show import show
@@ -31,6 +34,9 @@ app = typer.Typer(
 )
 app.command("list")(list_problems)
 app.command()(solve)
+app.command()(plan)
+app.command()(front)
+app.command()(refine)
 app.command()(select)
 app.command()(navigate)
 app.command()(show)

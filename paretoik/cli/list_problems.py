@@ -18,7 +18,7 @@ def list_problems(
     files: Annotated[list[str] | None, typer.Argument(help="Problem files; problems/*.py if none.")] = None,
     as_json: JsonFlag = False,
 ) -> None:
-    """List the problems that files offer; a file that cannot be loaded does not hide the others."""
+    """List the problems that files offer."""
     from paretoik.loading import problems_in
 
     places = files or sorted(str(file) for file in Path("problems").glob("[!_]*.py"))

@@ -10,8 +10,7 @@ from typing import Annotated, Literal
 import typer
 
 from paretoik.api.progress_display import open_observer
-from paretoik.api.result_text import entries, result_text
-from paretoik.cli.console import JsonFlag, QuietFlag, exit_code, print_json
+from paretoik.cli.console import JsonFlag, QuietFlag, finish_front
 
 
 def solve(
@@ -44,7 +43,7 @@ def solve(
     quiet: QuietFlag = False,
     as_json: JsonFlag = False,
 ) -> None:
-    """Search for the front of a problem, or follow a closed loop, and keep the run.
+    """Search for the front of a problem, or follow a closed loop.
 
     Ctrl-C ends it early and keeps the result.
     """
@@ -69,9 +68,4 @@ def solve(
             reference=problem,
             observe=observe or False,
         )
-    if as_json:
-        gaps = {"jumps": front.jumps, "missing_hypervolume": front.missing_hypervolume}
-        print_json({**front.provenance, **gaps, "out": out, "front": entries(front)})
-    else:
-        print(result_text(front, out))
-    raise typer.Exit(exit_code(front.provenance["status"]))
+    finish_front(front, out, as_json=as_json)

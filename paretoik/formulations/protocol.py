@@ -40,12 +40,15 @@ from paretoik.errors import InvalidInput
 from paretoik.front.front import Front, Preference
 
 if TYPE_CHECKING:  # so that loading a problem stays quick
+    from paretoik.front.joint_motions import JointMotions
     from paretoik.nlp.program import Program, Solver
     from paretoik.pareto.cold_search import ColdSearch
     from paretoik.pareto.scalarisation import Observe
     from paretoik.task.motion import Motion
+    from paretoik.task.motion_task import MotionTask
 
-Timeline: TypeAlias = Literal["generation", "step"]
+Timeline: TypeAlias = Literal["generation", "step", "level", "refinement"]
+"""What a run counts: generations of a search, steps of a closed loop, levels of ε, a front's refinement."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -160,13 +163,25 @@ def restore_motions(problem: Any, front: Front) -> Any:
     """Return the motions of a stored front with their arm: from its joint positions, or else from its genes."""
     if front.motions is None:
         return None
-    if hasattr(problem, "task"):
-        q, names = np.asarray(front.motions.q), list(front.motions.arm.joint_names)
-        task = problem.task.truncate(q.shape[-2])
-        if np.allclose(front.motions.time, task.times, rtol=1e-9, atol=0):  # otherwise motions have times of their own
-            return task.motion(q[..., [names.index(name) for name in task.arm.joint_names]])
+    motions = motions_of_task(problem.task, front.motions) if hasattr(problem, "task") else None
+    if motions is not None:
+        return motions
     decodes = hasattr(problem, "decode") and front.genes is not None
     return problem.decode(np.array(front.genes)) if decodes else front.motions
+
+
+def motions_of_task(task: MotionTask, stored: JointMotions) -> Motion | None:
+    """Return stored motions with the arm of their task, joints matched by name; None where they have other times.
+
+    Raises InvalidInput where the joints are others.
+    """
+    q, names = np.asarray(stored.q), list(stored.arm.joint_names)
+    if sorted(names) != sorted(task.arm.joint_names):
+        raise InvalidInput(f"motions: joints {', '.join(task.arm.joint_names)} wanted, got {', '.join(names)}")
+    task = task.truncate(q.shape[-2])
+    if not np.allclose(stored.time, task.times, rtol=1e-9, atol=0):
+        return None
+    return task.motion(q[..., [names.index(name) for name in task.arm.joint_names]])
 
 
 def reweigh(problem: Any, front: Front, preference: Preference) -> Any:

@@ -41,6 +41,8 @@ def require_plan(problem: Any) -> Callable[..., Plan]:
             f"plan: a Tracking wanted, got {type(problem).__name__}; epsilon_front or solve finds its front"
         )
     if len(names) != 1:
-        raise InvalidInput(f"plan: one objective wanted, got {len(names)}: {', '.join(names)}")
+        raise InvalidInput(
+            f"plan: one objective wanted, got {len(names)}: {', '.join(names)}; epsilon_front finds their front"
+        )
     find: Callable[..., Plan] = problem.plan
     return find

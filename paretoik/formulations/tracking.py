@@ -7,7 +7,7 @@ weighted-pseudoinverse roll-outs (Tringali & Cocuzza 2020, section 3.1.2), sprea
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -46,6 +46,7 @@ from paretoik.task.objectives import Objective
 from paretoik.task.obstacles import Obstacle
 from paretoik.task.path import Path
 from paretoik.task.task import Task
+from paretoik.trajectory.level_progress import ObserveLevel
 from paretoik.trajectory.motion_cold_search import MotionColdSearch
 from paretoik.trajectory.plan import Plan, find_optima
 from paretoik.trajectory.program import MotionProgram
@@ -261,7 +262,7 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
         seed: int,
         initial: Motion | None = None,
         solver: Solver = "auto",
-        observe: Callable[[int, int, int], object] | None = None,
+        observe: ObserveLevel | None = None,
     ) -> Plan:
         """Return the distinct local optima of the one objective; raises as ``find_optima`` does."""
         require_values(self.task, self.task.motion(self._rollouts))

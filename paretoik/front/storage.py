@@ -74,7 +74,7 @@ def stored_points(folder: Path) -> dict[int, tuple[float, ...]]:
     """Return the objectives of every point that a run folder holds, by id; raises InvalidRun as ``load`` does."""
     run = _read_front_entries(folder / RUN)
     names = [entry["name"] for entry in run["objectives"]]
-    table = _read_table(folder / TABLE, _read_verified(folder / TABLE, run["files"][TABLE]), names)
+    table = _read_table(folder / TABLE, read_verified(folder / TABLE, run["files"][TABLE]), names)
     rows = zip(*(table[name].tolist() for name in names), strict=True)
     return dict(zip(table["id"].tolist(), rows, strict=True))
 
@@ -99,9 +99,9 @@ def _keeps_run(front: Front, folder: Path) -> bool:
 def load(folder: Path, *, build_motions: MotionBuilder | None = None) -> Front:
     """Read what `save` wrote, checking everything; without `build_motions` motions are `StoredMotions`."""
     run = _read_front_entries(folder / RUN)
-    contents = {name: _read_verified(folder / name, expected) for name, expected in run["files"].items()}
+    contents = {name: read_verified(folder / name, expected) for name, expected in run["files"].items()}
     table = _read_table(folder / TABLE, contents[TABLE], [entry["name"] for entry in run["objectives"]])
-    arrays = _read_motions(folder / MOTIONS, contents[MOTIONS], table["id"]) if MOTIONS in contents else {}
+    arrays = read_motions(folder / MOTIONS, contents[MOTIONS], table["id"]) if MOTIONS in contents else {}
     motions: JointMotions | None = None
     if "q" in arrays:
         joint_names = tuple(str(name) for name in arrays["joint_names"])
@@ -181,11 +181,21 @@ def _motions_bytes(front: Front) -> bytes:
     if front.genes is not None:
         arrays["genes"] = front.genes
     if front.motions is not None:
-        q = np.asarray(front.motions.q, dtype=float)
-        time = np.broadcast_to(np.asarray(front.motions.time, dtype=float), q.shape[:-1])
-        arrays |= {"joint_names": np.array(front.motions.arm.joint_names, dtype=np.str_), "time": time, "q": q}
+        arrays |= motion_arrays(front.motions)
     if front.certificates is not None:
         arrays |= {name: getattr(front.certificates, name) for name in CERTIFICATE_ARRAYS}
+    return array_bytes(arrays)
+
+
+def motion_arrays(motions: JointMotions) -> dict[str, np.ndarray]:
+    """Return motions as the arrays of `motions.npz`: joint_names (dof,), time (points, time), q (points, time, dof)."""
+    q = np.asarray(motions.q, dtype=float)
+    time = np.broadcast_to(np.asarray(motions.time, dtype=float), q.shape[:-1])
+    return {"joint_names": np.array(motions.arm.joint_names, dtype=np.str_), "time": time, "q": q}
+
+
+def array_bytes(arrays: Mapping[str, np.ndarray]) -> bytes:
+    """Return arrays, by name, as the content of an NPZ without pickle."""
     sink = io.BytesIO()
     np.savez(sink, allow_pickle=False, **arrays)
     return sink.getvalue()
@@ -196,6 +206,8 @@ def _read_front_entries(file: Path) -> dict[str, Any]:
     if "files" not in run:
         raise InvalidRun(f"{file}: wanted a run with a front, got one of status {run.get('status')!r} without")
     check_digest(file, run)
+    if "holds" in run:
+        raise InvalidRun(f"{file}: wanted a run with a front, got one that holds {run['holds']}")
     if not _is_complete(run):
         raise InvalidRun(f"{file}: wanted objectives and the digests of {TABLE} and {MOTIONS}, got other entries")
     return run
@@ -235,7 +247,8 @@ def _read_table(file: Path, content: bytes, names: list[str]) -> dict[str, Any]:
     return columns
 
 
-def _read_motions(file: Path, content: bytes, ids: np.ndarray) -> dict[str, np.ndarray]:
+def read_motions(file: Path, content: bytes, ids: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the arrays of a `motions.npz`; raises InvalidRun where they are not those of points with these ids."""
     try:
         with np.load(io.BytesIO(content), allow_pickle=False) as stored:
             arrays = {name: stored[name] for name in stored.files}
@@ -254,7 +267,8 @@ def _read_motions(file: Path, content: bytes, ids: np.ndarray) -> dict[str, np.n
     return arrays
 
 
-def _read_verified(file: Path, expected: object) -> bytes:
+def read_verified(file: Path, expected: object) -> bytes:
+    """Return the content of a file; raises InvalidRun where its digest is not as expected."""
     content = read_plain_file(file)
     if hashlib.sha256(content).hexdigest() != expected:
         raise InvalidRun(f"{file}: wanted the file that {RUN} belongs to, got another or a damaged one")

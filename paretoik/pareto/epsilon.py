@@ -21,8 +21,8 @@ from paretoik.pareto.cold_search import ColdSearch, optima_alone
 from paretoik.pareto.epsilon_options import OPTIONS
 from paretoik.pareto.gap_filling import POINT_TOLERANCE
 from paretoik.pareto.refine import refine
-from paretoik.pareto.scalarisation import Observe, main_weights, minimise_weighted, objective_sizes, ranges_of
-from paretoik.pareto.sweep import Sweep
+from paretoik.pareto.scalarisation import main_weights, minimise_weighted, objective_sizes, ranges_of
+from paretoik.pareto.sweep import ObserveSweep, Sweep
 from paretoik.pareto.warm_start import evaluate_points, feasible_points
 from paretoik.stop_flag import Interrupted, check_interruption
 
@@ -37,7 +37,7 @@ def epsilon_points(
     refined: bool = False,
     cold_points: int = OPTIONS.cold_points,
     solver: Solver = "auto",
-    observe: Observe | None = None,
+    observe: ObserveSweep | None = None,
 ) -> tuple[Points, Float[np.ndarray, " n_obj"]]:
     """Return at most so many points, but all ends, spread over the front, and the ranges of the objectives.
 
@@ -45,7 +45,7 @@ def epsilon_points(
     objectives points are then placed where the front gains the most hypervolume, the first ``cold_points`` sought from
     cold starts too; of more come what cold starts lead to below some ε, and the widest gaps: ε halfway between two
     neighbours, started from those near it. ``initial`` points within all limits lead to ends and points as well, unless
-    ``refined`` already: none of them dominates what is returned.
+    ``refined`` already: none of them dominates what is returned. ``observe`` looks on.
 
     After a signal the points so far are returned, ``initial`` ones among them. Raises what ``cold`` does, and
     Interrupted where a signal comes before there is any point.
@@ -82,6 +82,7 @@ def epsilon_points(
         points=points,
         solver=solver,
         observe=observe,
+        ranges=ranges,
     )
     if initial is not None:
         sweep.add(evaluate_points(program, initial), _weights(program, initial, n_obj))

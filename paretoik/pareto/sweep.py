@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import pairwise, product
+from typing import TypeAlias
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -16,13 +18,34 @@ from paretoik.pareto.cold_search import ColdSearch
 from paretoik.pareto.epsilon_options import OPTIONS
 from paretoik.pareto.gap_filling import POINT_TOLERANCE, fill_gaps, front_rows, is_duplicate, spread_rows
 from paretoik.pareto.placement import Gap, Target, best_rows, gap_between, hull_pairs, next_targets
-from paretoik.pareto.scalarisation import Observe, main_weights, minimise_weighted
+from paretoik.pareto.scalarisation import main_weights, minimise_weighted
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SweepProgress:
+    """How far a sweep has come: ``done`` of ``total`` points, and all that it has found.
+
+    ``x`` are all points, ``objectives`` (points, n_obj) minimised and not divided by anything, ``front`` the rows that
+    no other dominates; ``epsilon`` (n_obj,) are the bounds under which was minimised, inf for what was minimised, None
+    where nothing was bounded.
+    """
+
+    done: int
+    total: int
+    x: Points
+    objectives: Float[np.ndarray, "points n_obj"]
+    front: Int[np.ndarray, " front"]
+    epsilon: Float[np.ndarray, " n_obj"] | None
+
+
+ObserveSweep: TypeAlias = Callable[[SweepProgress], object]
 
 
 @dataclass(kw_only=True, eq=False)
 class Sweep:
     """The points so far, with their objectives and the weights of these in the Lagrangian, NaN where unknown.
 
+    Objectives are divided by ``ranges``; ``epsilon`` are the bounds of what was minimised last, None without any.
     ``tried`` has the objectives that were minimised between two neighbours (rows) without a new point, ``gaps`` what
     is taken to lie between them.
     """
@@ -34,7 +57,9 @@ class Sweep:
     weights: Float[np.ndarray, "points n_obj"]
     points: int
     solver: Solver
-    observe: Observe | None
+    observe: ObserveSweep | None
+    ranges: Float[np.ndarray, " n_obj"]
+    epsilon: Float[np.ndarray, " n_obj"] | None = None
     tried: dict[tuple[int, int], list[int]] = field(default_factory=dict)
     gaps: dict[tuple[int, int], Gap] = field(default_factory=dict)
 
@@ -65,10 +90,23 @@ class Sweep:
         return self.objectives[:, : self.n_obj]
 
     def _show(self, *_: int) -> None:
-        if self.observe is not None:
-            self.observe(min(len(self.front()), self.points), self.points)
+        if self.observe is None:
+            return
+        front = self.front()
+        epsilon = None if self.epsilon is None else self.epsilon * self.ranges
+        self.observe(
+            SweepProgress(
+                done=min(len(front), self.points),
+                total=self.points,
+                x=self.x,
+                objectives=self._values * self.ranges,
+                front=front,
+                epsilon=epsilon,
+            )
+        )
 
     def _minimise(self, x: Points, weights: np.ndarray, upper: np.ndarray, barrier: InteriorPointOptions) -> Solutions:
+        self.epsilon = upper[0] if len(upper) == 1 else None  # else each has bounds of its own
         return minimise_weighted(
             self.program, x, weights, upper, barrier, solver=self.solver, batch=OPTIONS.batch, observe=self._show
         )

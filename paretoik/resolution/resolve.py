@@ -1,16 +1,18 @@
-"""The verb that resolves one motion along a path by a method."""
+"""One motion along a path by a method: what is asked for, checked, and the motion or why there is none."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
+from jaxtyping import Float
 
 from paretoik.errors import EvaluationFailed, Infeasible, InvalidInput, check_size
 from paretoik.inputs import finite_array
 from paretoik.resolution.constrained import ConstrainedTraces
-from paretoik.resolution.follow import TRACKING_TOLERANCE, follow
+from paretoik.resolution.follow import follow
 from paretoik.resolution.methods import ConstrainedQP, Criterion, Method, VelocityMethod
 from paretoik.resolution.traces import ResolvedMotion
 from paretoik.robot.arm import Arm
@@ -34,71 +36,39 @@ LOST_STEPS = {
 Unreachable = Literal["refuse", "track"]
 
 
-def resolve(
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Resolution:
+    """What is to be resolved, checked: a task by a method from starts (*batch, dof).
+
+    ``unreachable`` and ``tolerance`` are those of ``paretoik.resolve``.
+    """
+
+    task: MotionTask
+    method: Method
+    starts: Float[np.ndarray, "*batch dof"]
+    unreachable: Unreachable
+    tolerance: float
+
+    @property
+    def criteria(self) -> Sequence[Criterion]:
+        """What the method improves on the side."""
+        return self.method.criterion_list if isinstance(self.method, VelocityMethod) else ()
+
+
+def resolution_of(
     arm: Arm,
     path: Path | Task | Sequence[Path | Task],
     method: Method,
     *,
-    start: object = None,
-    limits: Limits | None = None,
-    obstacles: Sequence[Obstacle] = (),
-    link_radius: float = 0.0,
-    unreachable: Unreachable = "refuse",
-    tolerance: float = TRACKING_TOLERANCE,
-    seed: int = 0,
-) -> ResolvedMotion:
-    """Return the motion by which a method follows a path.
-
-    Parameters
-    ----------
-    arm, path
-        A redundant arm, and a path or tasks for it.
-    method
-        ``PseudoInverse``, ``DampedLeastSquares``, ``WeightedLeastNorm``, ``GradientProjection``,
-        ``WeightedGradientProjection``, ``ConstrainedQP``, ``LeastSquaresVelocity``, ``PredictiveKineticEnergy`` or
-        ``Nedungadi``.
-    start
-        Joint positions (*batch, dof) to start in; by default a posture on the path's first sample, within the limits if
-        one is found there, that is far from singular. Starts and the method's numbers are broadcast against each
-        other: one motion for each.
-    limits
-        Position limits that methods keep joints from; the arm's own by default. A joint with one limit counts as having
-        a range of 2π rad, or 1 m. ``ConstrainedQP`` alone promises to keep them, and those of velocity, acceleration
-        and clearance.
-    obstacles, link_radius
-        What criteria may look at, and what the links, capsules of this radius [m], stay clear of by ``ConstrainedQP``.
-    unreachable
-        What to do where the path is lost: to "refuse" it, or to "track" it as well as can be.
-    tolerance
-        The distance [m, rad] from the path at which it counts as lost; so far off nothing is predicted either.
-    seed
-        Of the postures that the default start is chosen from.
-
-    ``Nedungadi`` takes starts on the path alone, less than 1e-6 off it; where its motion runs into a singularity it
-    stands still.
-
-    The task's velocity over a step is that of its target, with a pose the angular velocity of the target's frame, plus
-    feedback. The task is given up for a step ("held") where the Jacobian, its joints weighted, is singular and nothing
-    is damped, and a step is shortened where a joint were to go more than 1 rad or m in it. Where a path leaves what can
-    be reached, the arm follows as it can and returns with it; it takes more damping than the default, or less feedback,
-    to keep it calm meanwhile.
-
-    Raises
-    ------
-    InvalidInput
-        Naming what cannot be used; OutOfReach where there is no start.
-    Infeasible
-        Where the path is lost and ``unreachable="refuse"``, with sample, error and the Jacobian's condition number, or
-        the limits that leave no way on.
-    EvaluationFailed
-        Where a criterion is not finite and ``unreachable="refuse"``.
-
-    >>> import paretoik as pk
-    >>> path = pk.line([0.4678, 0.0], [0.3678, 0.0], duration=1.0, samples=101)
-    >>> motion = resolve(pk.arms.tringali_3r(), path, pk.methods.PseudoInverse(), start=[0.0, 0.327, -0.754])
-    >>> motion.q.shape
-    (101, 3)
-    """
+    start: object,
+    limits: Limits | None,
+    obstacles: Sequence[Obstacle],
+    link_radius: float,
+    unreachable: Unreachable,
+    tolerance: float,
+    seed: int,
+) -> Resolution:
+    """Return what ``paretoik.resolve`` is asked for; raises InvalidInput naming what cannot be used, and OutOfReach."""
     if not isinstance(method, Method):
         raise InvalidInput(f"resolve: wants a method, such as PseudoInverse(), got {method!r}")
     if unreachable not in get_args(Unreachable):
@@ -118,8 +88,18 @@ def resolve(
     starts = _starts(task, start, seed)
     if isinstance(method, ConstrainedQP):
         _check_limits(task, limits, starts.reshape(-1, arm.dof)[: None if unreachable == "refuse" else 0])
-    motion = follow(task, method, starts, tolerance=tolerance)
-    if unreachable == "refuse":
+    return Resolution(task=task, method=method, starts=starts, unreachable=unreachable, tolerance=tolerance)
+
+
+def resolve(resolution: Resolution) -> ResolvedMotion:
+    """Return the motion that is asked for.
+
+    Raises Infeasible where the path is lost, and EvaluationFailed where a criterion is not finite, unless
+    ``unreachable`` is "track".
+    """
+    task, criteria, tolerance = resolution.task, resolution.criteria, resolution.tolerance
+    motion = follow(task, resolution.method, resolution.starts, tolerance=tolerance)
+    if resolution.unreachable == "refuse":
         _check_criteria(task, motion, criteria)
         _check_tracking(task, motion, tolerance)
     return motion

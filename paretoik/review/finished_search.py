@@ -35,9 +35,9 @@ MOST_POINTS = 60  # of the front, on the timeline that walks along it
 class FinishedSearch:
     """All ``generations`` of a search and its ``end``.
 
-    Four timelines: ``generation``; ``motion``, along which the last motions move; ``replay``, on which the motions of
-    one generation come after those of the other; ``point``, which walks along the last front. What is seen at the end
-    stands on all of them. ``note`` says what was left out.
+    Four timelines: the scene's own, ``generation`` for one; ``motion``, along which the last motions move; ``replay``,
+    on which the motions of one generation come after those of the other; ``point``, which walks along the last front.
+    What is seen at the end stands on all of them. ``note`` says what was left out.
     """
 
     scene: SearchScene
@@ -51,7 +51,7 @@ class FinishedSearch:
         self._log_still(stream)
         for place, generation in enumerate(self.generations):
             stream.reset_time()
-            stream.set_time("generation", sequence=generation.number)
+            stream.set_time(self.scene.timeline, sequence=generation.number)
             stream.set_time("replay", duration=float(self._clock.begins[place]))
             if place == len(self.generations) - 1:
                 self._at_the_end(stream)
@@ -110,7 +110,7 @@ class FinishedSearch:
     def _at_the_end(self, stream: rr.RecordingStream) -> None:
         """Let what follows stand at the end, on all timelines."""
         last = self.generations[-1].number if self.generations else 0
-        stream.set_time("generation", sequence=last)
+        stream.set_time(self.scene.timeline, sequence=last)
         stream.set_time("replay", duration=self._clock.end)
         stream.set_time("motion", duration=0.0)
         stream.set_time("point", sequence=0)
@@ -241,6 +241,6 @@ class FinishedSearch:
             charts=[*parallel, *(chart.view() for chart, _, _ in self._charts)],
             arm=None if motions is None else motions.view(),
             joints=[chart.view() for chart in joints],
-            texts=[text_view(f"generation, {words}"), *notes],
-            timeline="generation",
+            texts=[text_view(f"{self.scene.timeline}, {words}"), *notes],
+            timeline=self.scene.timeline,
         )

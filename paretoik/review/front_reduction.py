@@ -42,7 +42,8 @@ class FrontReduction:
         if len(front) <= self._points:
             return generation
         rows = spread_rows(front * self._signs, self._points)
-        return replace(generation, front=front[rows], front_ids=generation.front_ids[rows])
+        origins = None if generation.origins is None else generation.origins[rows]
+        return replace(generation, front=front[rows], front_ids=generation.front_ids[rows], origins=origins)
 
     def _hypervolume(self, generation: Generation) -> float | None:
         """Return the hypervolume, None where it is not the time for it."""

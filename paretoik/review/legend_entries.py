@@ -14,9 +14,12 @@ Entry = tuple[str, Colour]
 def search_entries(scene: SearchScene, motions: MotionScene | None, *, chosen: str = "compromise") -> list[Entry]:
     """Return what is drawn of a search in which colour."""
     loop = scene.timeline == "step"
+    behind = {"level": "dominated", "refinement": "before"}.get(scene.timeline, "population")
     entries: list[Entry] = [("front of the step" if loop else "front", SCREEN.front), (chosen, SCREEN.chosen)]
     if not loop:
-        entries = [("population", SCREEN.population), *entries, ("final front", SCREEN.final)]
+        entries = [(behind, SCREEN.population), *entries, ("final front", SCREEN.final)]
+        entries += [("ε: bound of this level", SCREEN.epsilon)] if scene.timeline == "level" else []
+        entries += [("from before to after", SCREEN.moves)] if scene.timeline == "refinement" else []
         if len(scene.names) > 1:
             entries += [(f"best {name}", SCREEN.end(axis)) for axis, name in enumerate(scene.names)]
     return entries + ([] if motions is None else motion_entries(motions, chosen))

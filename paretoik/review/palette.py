@@ -63,6 +63,8 @@ class RecordingPalette:
     ghost: Colour = (84, 93, 110, 255)
     path: Colour = (255, 178, 62, 255)
     tool: Colour = (70, 225, 190, 255)
+    epsilon: Colour = (235, 238, 242, 255)
+    moves: Colour = (110, 160, 255, 200)
     target: Colour = (150, 155, 165, 255)
     base: Colour = (150, 155, 165, 255)
     body: Colour = (78, 84, 94, 255)

@@ -16,6 +16,7 @@ from paretoik.review.search_scene import SearchScene
 
 SETTINGS = ("population", "generations", "seed", "points", "refine", "solver", "weights", "warm_start")
 
+COUNTS = ("generations", "evaluations", "steps", "levels", "converged", "improved", "seconds")
 FACTS = {"problem": "problem", "status": "ended by"}
 
 
@@ -61,7 +62,7 @@ def _generation_text(scene: SearchScene, generation: Generation, moved: int | No
     if generation.hypervolume is not None:
         found += f", hypervolume {generation.hypervolume:.4g}"
     found += f"; {generation.failed} evaluations failed so far." if generation.failed else "."
-    lines = [f"# Generation {generation.number}", found]
+    lines = [f"# {_heading(scene, generation)}", found]
     chosen = next((point for point in generation.points if point.axis is None), None)
     if len(generation.front):
         best = scene.best(generation.front)
@@ -75,6 +76,12 @@ def _generation_text(scene: SearchScene, generation: Generation, moved: int | No
     if moved is not None and moved != generation.number:
         lines.append(f"The arm shows generation {moved}: these motions were not kept.")
     return "\n".join(lines)
+
+
+def _heading(scene: SearchScene, generation: Generation) -> str:
+    if scene.timeline == "refinement":
+        return "Before" if generation.origins is None else "After"
+    return f"{scene.timeline.capitalize()} {generation.number}"
 
 
 def _step_text(scene: SearchScene, generation: Generation) -> str:
@@ -131,7 +138,7 @@ def _run(provenance: Mapping[str, Any]) -> str:
     settings = dict(provenance.get("settings") or {})
     shown = [f"- {name.replace('_', ' ')}: {settings[name]}" for name in SETTINGS if settings.get(name) is not None]
     counts = provenance.get("counts") or {}
-    took = [f"{counts[name]} {name}" for name in ("generations", "evaluations", "steps", "seconds") if name in counts]
+    took = [f"{counts[name]} {name}" for name in COUNTS if name in counts]
     heads = [f"- {word}: {provenance[name]}" for name, word in FACTS.items() if provenance.get(name)]
     lines = heads + shown + ([f"- took {', '.join(took)}"] if took else [])
     return "## Run\n\n" + "\n".join(lines) if lines else ""

@@ -45,7 +45,10 @@ class Generation:
     the recording computes it, now and then where that takes long. ``failed`` counts evaluations that gave no number.
     ``size`` is that of the whole front where ``front`` has but some of its points; ``points`` are the best of every
     objective and the compromise, now and then with their motions. A step of a closed loop has no hypervolume, but a
-    point of its front, ``chosen``, that was taken.
+    point of its front, ``chosen``, that was taken. A step of an ε-sweep has all points so far for a population, and
+    ``epsilon`` (n_obj,), the bounds under which it minimised, infinite for what was minimised; its ids are those of the
+    sweep alone. A refined front has the front before it for a population, and ``origins`` (points, n_obj), where its
+    points were there.
     """
 
     number: int
@@ -57,6 +60,8 @@ class Generation:
     failed: int = 0
     size: int | None = None
     chosen: Values | None = None
+    epsilon: Values | None = None
+    origins: Objectives | None = None
     points: tuple[RecordedPoint, ...] = ()
 
 

@@ -53,7 +53,7 @@ def search_charts(scene: SearchScene, generations: Sequence[Generation]) -> list
 
 def series_views(scene: SearchScene) -> list[rrb.View]:
     """Return time series, which can grow: hypervolume, chosen and best values, sizes."""
-    kinds = ["best"] if scene.timeline == "generation" else ["chosen", "best"]
+    kinds = ["best"] if scene.timeline != "step" else ["chosen", "best"]
     volume = [rrb.TimeSeriesView(origin="search/hypervolume", name="hypervolume")]
     views = [
         rrb.TimeSeriesView(
@@ -63,7 +63,7 @@ def series_views(scene: SearchScene) -> list[rrb.View]:
         for axis, name in enumerate(scene.entities)
     ]
     counts = rrb.TimeSeriesView(origin="search/counts", name="points and failures")
-    return [*(volume if scene.timeline == "generation" else []), *views, counts]
+    return [*(volume if scene.timeline != "step" else []), *views, counts]
 
 
 def log_styles(scene: SearchScene, recording: rr.RecordingStream) -> None:

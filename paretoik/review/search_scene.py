@@ -17,6 +17,7 @@ from paretoik.formulations.protocol import Timeline
 from paretoik.review.drawn_axes import Canvas
 from paretoik.review.front_panels import Pair, Panels
 from paretoik.review.palette import SCREEN, Colour, screen_label
+from paretoik.review.panel_marks import log_epsilon, log_moves
 from paretoik.review.parallel_axes import ParallelAxes
 from paretoik.review.recorded_point import RecordedPoint
 from paretoik.review.recorder import Generation, Population
@@ -38,8 +39,9 @@ PARALLEL_FROM = 3  # objectives
 class SearchScene:
     """Names and units of the objectives, and which are maximised: what every generation is drawn with.
 
-    ``timeline`` says whether they are generations or the steps of a closed loop. These have no hypervolume, and each is
-    drawn as shares of its own front's ranges: from one to the next objectives can change by orders of magnitude.
+    ``timeline`` says what they are: generations, levels of an ε-sweep, a front before and after it was refined, or the
+    steps of a closed loop. These have no hypervolume, and each is drawn as shares of its own front's ranges: from one
+    to the next objectives can change by orders of magnitude.
     Points are drawn below the entity ``root``.
     """
 
@@ -76,7 +78,7 @@ class SearchScene:
         left_out = [
             f"- {'/'.join(map(_escape, [*self._panel(pair), name]))}" for pair in self.panels.pairs for name in without
         ]
-        name = "front" if self.timeline == "generation" else "front of each step"
+        name = "front" if self.timeline != "step" else "front of each step"
         return self.panels.view(rr.new_entity_path([*self.root, "front"]), ["+ $origin/**", *left_out], name)
 
     def parallel_axes(self, shown: Objectives) -> ParallelAxes | None:
@@ -108,6 +110,7 @@ class SearchScene:
         self.log_points(
             recording, "front", generation.front, canvases, ids=generation.front_ids, named=named, reference=reference
         )
+        self._log_marks(recording, generation, canvases)
         if generation.chosen is not None:
             self.log_points(recording, "chosen", generation.chosen[None], canvases, reference=reference)
         self.log_marked(recording, generation.points, canvases)
@@ -115,6 +118,19 @@ class SearchScene:
             marked = [point.objectives for point in generation.points if point.axis is None]
             chosen = marked[0] if marked else generation.chosen
             self.log_lines(recording, parallel, generation.front, chosen, reference=reference)
+
+    def _log_marks(self, recording: rr.RecordingStream, generation: Generation, canvases: Sequence[Canvas]) -> None:
+        """Draw the bounds of a step of a sweep, or where refined points came from."""
+        for pair, canvas in self._panels(canvases):
+            columns = list(pair)
+            if self.timeline == "refinement":
+                origins = None if generation.origins is None else generation.origins[:, columns]
+                log_moves(recording, [*self._panel(pair), "moves"], canvas, origins, generation.front[:, columns])
+            elif self.timeline == "level":
+                epsilon = None if generation.epsilon is None else generation.epsilon[columns]
+                names = screen_text(self.names[pair[0]]), screen_text(self.names[pair[1]])
+                maximised = self.maximised[pair[0]], self.maximised[pair[1]]
+                log_epsilon(recording, [*self._panel(pair), "epsilon"], canvas, epsilon, names, maximised)
 
     def log_points(
         self,

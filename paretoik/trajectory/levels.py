@@ -21,10 +21,10 @@ from paretoik.nlp.solutions import INTERRUPTED, Solutions, concatenate
 from paretoik.stop_flag import Interrupted
 from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.infeasibility import is_clearly_infeasible
+from paretoik.trajectory.level_progress import LevelProgress, ObserveLevel
 from paretoik.trajectory.program import MotionProgram, joint_distance
 from paretoik.trajectory.transcription import motion_program
 
-Observe = Callable[[int, int, int], object]
 Further = Callable[[Solutions], tuple[np.ndarray, Sequence[InteriorPointOptions]]]
 FurtherAt = Callable[[MotionProgram, np.ndarray, Solutions | None], Further | None]
 Disturb = Callable[[MotionProgram, Solutions], Solutions]
@@ -95,7 +95,7 @@ def refine_levels(
     q: Float[np.ndarray, "starts samples dof"],
     weights: Float[np.ndarray, " n_obj"],
     upper: Float[np.ndarray, " n_obj"],
-    observe: Observe | None = None,
+    observe: ObserveLevel | None = None,
     *,
     solver: Solver = "auto",
     restore: bool = False,
@@ -110,8 +110,7 @@ def refine_levels(
     None at the first; it returns what returns more starts, and barriers for them, given the solutions so far, until it
     returns none. ``disturb`` returns optima and those that they lead to, on one of the finer levels. Where limits are
     violated at the end, ``restore`` first minimises the violation alone; where none of the first level can be restored,
-    its least-violating motions are returned. ``observe`` is called after each level with its number of samples, of
-    starts and of optima.
+    its least-violating motions are returned. ``observe`` is called after each level.
 
     After a signal what there is by then is returned, at the samples of the last level. Raises Infeasible where all
     optima of a level leave the path between its samples, Interrupted where a signal comes before there is any.
@@ -140,7 +139,7 @@ def refine_levels(
                 solutions = disturb(program, solutions)[:limit]
         levels.append((len(task.times), len(solutions)))
         if observe is not None:
-            observe(len(task.times), len(q), len(solutions))
+            observe(LevelProgress(task=task, starts=q, optima=solutions.x))
         if restore and first and not solutions.converged.any():
             break
         if finer:

@@ -14,6 +14,7 @@ from paretoik.nlp.program import Program, Solver
 from paretoik.nlp.solutions import Solutions
 from paretoik.pareto.epsilon_options import OPTIONS as EPSILON
 from paretoik.task.motion_task import MotionTask
+from paretoik.trajectory.level_progress import LevelProgress
 from paretoik.trajectory.levels import first_levels, level_programs, refine_levels
 from paretoik.trajectory.plan import find_optima
 from paretoik.trajectory.plan_starts import initial_motions
@@ -57,9 +58,9 @@ class MotionColdSearch:
         except Infeasible:  # all that is found leaves the path between samples: nothing below this bound
             return None
 
-    def _show(self, samples: int, starts: int, optima: int) -> None:
+    def _show(self, level: LevelProgress) -> None:
         if self.observe is not None:
-            self.observe(samples, len(self.task.times))
+            self.observe(level.samples, len(self.task.times))
 
     @cached_property
     def _coarse_starts(self) -> tuple[int, Float[np.ndarray, "starts samples dof"]]:

@@ -5,7 +5,9 @@ Source: Tringali & Cocuzza 2020, section 3.1.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -25,9 +27,9 @@ from paretoik.trajectory.infeasibility import (
     is_clearly_infeasible,
     without_obstacles,
 )
+from paretoik.trajectory.level_progress import ObserveLevel
 from paretoik.trajectory.levels import (
     OPTIONS,
-    Observe,
     coarsest_level,
     distinct_rows,
     first_levels,
@@ -60,11 +62,13 @@ class Optimum:
 class Plan:
     """Distinct local optima, best first, each with ``motion``, ``objective``, ``label`` of its branch and ``status``.
 
-    ``levels`` are the numbers of samples and of optima at each level, coarse to fine.
+    ``levels`` are the numbers of samples and of optima at each level, coarse to fine; ``provenance`` says how the plan
+    came about, as a front's does.
     """
 
     optima: tuple[Optimum, ...]
     levels: tuple[tuple[int, int], ...]
+    provenance: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def best(self) -> Optimum:
@@ -89,7 +93,7 @@ def find_optima(
     seed: int,
     initial: Float[np.ndarray, "motions time dof"] | None = None,
     solver: Solver = "auto",
-    observe: Observe | None = None,
+    observe: ObserveLevel | None = None,
 ) -> Plan:
     """Return the distinct local optima of a task with one objective that many starts lead to.
 
@@ -99,8 +103,7 @@ def find_optima(
     much; where optima are many it also perturbs the best at random while that finds better ones. The distinct optima
     are refined on finer levels up to the task's own samples; on one of them the best of many are perturbed again.
     ``initial`` motions on the path are minimised at the task's own samples, and are starts too: the best of the plan is
-    no worse than the best feasible of them. ``observe`` is called after each level with its number of samples, of
-    starts and of optima.
+    no worse than the best feasible of them. ``observe`` is called after each level.
 
     Raises InvalidInput where the objective or a limit has no derivative, or a kink and ``solver`` is "interior-point";
     OutOfReach or Infeasible where there is no motion; Infeasible with the least-violating motion where none keeps the
@@ -136,7 +139,7 @@ def _search(
     seed: int,
     initial: Float[np.ndarray, "motions time dof"] | None,
     solver: Solver,
-    observe: Observe | None,
+    observe: ObserveLevel | None,
 ) -> tuple[Solutions, tuple[tuple[int, int], ...]]:
     """Return the distinct optima from starts on the coarsest level that leads to some, and the levels from there on.
 
@@ -165,7 +168,7 @@ def _search_from(
     seed: int,
     initial: Float[np.ndarray, "motions time dof"] | None,
     solver: Solver,
-    observe: Observe | None,
+    observe: ObserveLevel | None,
 ) -> tuple[Solutions, tuple[tuple[int, int], ...]]:
     """Return the distinct optima from starts on the level ``first``, and samples and optima of each level."""
     level, rng = coarsest_level(task, first), np.random.default_rng(seed)

@@ -14,7 +14,13 @@ def test_points_are_shown_as_they_come_and_all_are_certified(problem):
     assert points[-1].done >= len(front) >= 4
     assert (seen[-1].stage, seen[-1].done) == ("certification", len(front))
     assert front.certificates.kkt_residual.max() <= 1e-6
-    assert front.provenance["settings"] == {"points": 5, "starts": 6, "seed": 0, "solver": "auto"}
+    assert front.provenance["settings"] == {
+        "points": 5,
+        "starts": 6,
+        "seed": 0,
+        "solver": "auto",
+        "time_limit": None,
+    }
 
 
 def test_one_objective_is_left_to_plan():

@@ -66,8 +66,8 @@ def test_a_refinement_keeps_the_points_that_it_came_to():
     front = pk.solve(tracking(*BOTH), population=30, generations=6, seed=1, points=12)
     refined = pk.refine(front, observe=interrupt_at("refinement"))
     assert refined.provenance["status"] == "SIGINT"
-    assert 0 < refined.provenance["refined"]["converged"] <= 4
-    assert refined.provenance["refined"]["seconds"] > 0
+    assert 0 < refined.provenance["counts"]["converged"] <= 4
+    assert refined.provenance["counts"]["seconds"] > 0
     assert set(refined.ids) <= set(front.ids)
 
 

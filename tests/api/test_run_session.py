@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from paretoik.api.progress import RunProgress
-from paretoik.api.run_session import run_session
+from paretoik.api.run_session import Subject, run_session
 from paretoik.errors import Infeasible
 from paretoik.front.front import Front
 from paretoik.review.recorder import Generation
@@ -21,9 +21,9 @@ from tests.search.problems import Constant
 DISPLAY = {"names": ("a",), "units": ("",), "maximised": (False,), "timeline": "generation"}
 
 
-def session(out, **settings):
-    arguments = {"settings": {"seed": 1}, "overwrite": False, "reference": None, "observe": None}
-    return run_session(Constant(1), out=out, **(arguments | settings))
+def session(out, *, reference=None, **settings):
+    arguments = {"verb": "solve", "settings": {"seed": 1}, "overwrite": False, "observe": None}
+    return run_session(Subject.of(Constant(1), reference), out=out, **(arguments | settings))
 
 
 def front(provenance, value: float = 1.0) -> Front:

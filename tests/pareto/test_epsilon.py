@@ -30,7 +30,7 @@ def starts(program, count, seed=0, size=2.0):
 @pytest.mark.parametrize("limit", [-1.0, 0.3])
 def test_between_two_places_the_front_is_the_line_that_joins_them(limit):
     program, seen = two_places(limit), []
-    z, ranges = swept(program, starts(program, 3), points=9, observe=lambda *counts: seen.append(counts))
+    z, ranges = swept(program, starts(program, 3), points=9, observe=seen.append)
     values, height = z @ program.costs.T, max(limit, 0.0)
     along = np.sqrt(values[:, 0] - height**2)
     assert values[:, 1] == pytest.approx((1 - along) ** 2 + height**2, abs=1e-6)
@@ -39,10 +39,25 @@ def test_between_two_places_the_front_is_the_line_that_joins_them(limit):
     assert values.min(axis=0) == pytest.approx([height**2] * 2, abs=1e-5)  # it gives way by 1e-6 of the ranges
     assert z[:, 1] == pytest.approx(np.full(9, height), abs=1e-3)
     assert np.linalg.norm(np.diff(values[np.argsort(values[:, 0])], axis=0), axis=1).max() <= 0.4
-    assert seen
-    assert seen == sorted(seen)
-    assert {total for _, total in seen} == {9}
-    assert seen[-1][0] >= 9
+    done = [progress.done for progress in seen]
+    assert done == sorted(done)
+    assert done[-1] >= 9
+    assert {progress.total for progress in seen} == {9}
+
+
+def test_a_sweep_shows_its_levels_and_what_lies_below_them_in_the_objectives_own_size():
+    program, seen = two_places(0.3), []
+    z, _ = swept(program, starts(program, 3), points=9, observe=seen.append)
+    values, last = z @ program.costs.T, seen[-1]
+    front = last.objectives[last.front]
+    assert all((np.abs(front - value).max(axis=1) < 1e-12).any() for value in values)
+    levels = [progress for progress in seen if progress.epsilon is not None]
+    assert len({progress.epsilon.tobytes() for progress in levels}) >= 7
+    for progress in levels:
+        (bounded,) = np.flatnonzero(np.isfinite(progress.epsilon))
+        bound = progress.epsilon[bounded]
+        assert values[:, bounded].min() <= bound <= values[:, bounded].max()
+        assert np.abs(front[:, bounded] - bound).min() < 0.2
 
 
 def fonseca(size=1.0):

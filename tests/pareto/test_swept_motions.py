@@ -134,6 +134,7 @@ def test_a_point_in_a_worse_valley_is_bettered_from_its_neighbours():
         points=5,
         solver="auto",
         observe=None,
+        ranges=ranges,
     )
     worse = sweep.objectives[2].copy()
     others = np.delete(sweep.objectives, 2, axis=0)

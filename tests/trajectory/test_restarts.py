@@ -94,7 +94,7 @@ def test_every_start_is_in_one_portion_at_its_own_barrier():
 def test_starts_that_are_asked_for_are_all_minimised_and_by_default_as_many_as_it_takes():
     task, counts, values = tringali_2020.simulation_2().task, [], []
     for starts in (48, None):
-        plan = find_optima(task, starts=starts, seed=1, observe=lambda samples, count, optima: counts.append(count))
+        plan = find_optima(task, starts=starts, seed=1, observe=lambda level: counts.append(len(level.starts)))
         values.append(plan.best.objective)
     assert counts[0] >= 48 > counts[len(counts) // 2]
     assert values[1] == pytest.approx(values[0], rel=1e-9)

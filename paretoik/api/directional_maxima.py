@@ -1,0 +1,87 @@
+"""Find how fast a tool can go, or how hard it can push, in every direction from a position."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from paretoik.api.polygon_run import polygon_counts, polygon_subject, save_polygon
+from paretoik.api.progress import Observer
+from paretoik.api.review_polygon import review_polygon
+from paretoik.api.run_session import run_session
+from paretoik.capability.actuation import Actuation
+from paretoik.capability.directional import PerformancePolygon, directional_query, performance_polygon
+from paretoik.capability.joint_capability import Quantity
+from paretoik.inputs import check_flag
+from paretoik.robot.arm import Arm
+
+
+def directional_maxima(
+    arm: Arm,
+    actuation: Actuation,
+    position: object,
+    directions: object = 16,
+    *,
+    quantity: Quantity = "velocity",
+    starts: int = 20_000,
+    seed: int = 0,
+    out: str | Path | None = None,
+    overwrite: bool = False,
+    observe: Observer | bool | None = None,
+) -> PerformancePolygon:
+    """Return the highest speeds or forces of an arm along each direction while its tool is at a position.
+
+    Speeds are those with which motors can hold the arm against gravity meanwhile (quasi-static); forces are those the
+    tool can exert at rest, in postures that can be held without them. In a posture with its sliders both are exact: a
+    closed form, the facet of a zonotope (a linear program gives the same). Sliders are searched where they can bear
+    their load, in 12 pieces of each stretch and by golden sections.
+
+    Postures of planar arms with three joints are evaluated on every branch, all around, at 360 places on each curve and
+    wherever limits begin or end to hold, and searched by golden sections from there: one of two maxima within a degree
+    may be missed. Other arms ascend from several of ``starts`` postures, over posture, sliders and speeds at once, by
+    interior points, until the best value was reached often: no proof.
+
+    These are speeds of an instant: the next may have left the posture that allows them. Sliders near a toggle turn
+    joints fast for a short way, and each direction has a posture and gears of its own. ``PointToPoint`` counts the way
+    there.
+
+    Parameters
+    ----------
+    arm, actuation
+        The arm, its gravity as it is mounted, and its motors.
+    position
+        Of the tool, (2,) for planar arms, else (3,) [m].
+    directions
+        How many, evenly around from the x axis (Eq. 2) or over the sphere; or vectors (directions, task), however long.
+    quantity
+        "velocity" or "force".
+    starts, seed
+        Postures to start from (more are drawn where few can be held), and the seed of their chance; planar arms with
+        three joints need none.
+    out
+        Folder to keep the run in: run.json, polygon.npz with every array of the result, and picture.png with
+        the polygon and the arm in the maximising postures. ``overwrite`` allows it
+        to replace a run that is there.
+    observe
+        Called with a ``RunProgress`` while something is compiled or saved; as for ``plan``.
+
+    Raises InvalidInput naming what cannot be used; OutOfReach where no posture reaches the position, SolverFailed where
+    none was found that does; Infeasible where none was found that can be held, naming the joint, its torque and what
+    its motor can hold, or the rod's angle, of the best one. Source: Kim, Choi & Jang 2021, Eq. 1.
+    """
+    query = directional_query(arm, actuation, position, directions, quantity=quantity, starts=starts, seed=seed)
+    check_flag("overwrite", overwrite)
+    if out is None and observe is None:  # as where thousands are asked for in turn
+        return performance_polygon(query)
+    with run_session(
+        polygon_subject(query),
+        verb="directional_maxima",
+        settings={"quantity": quantity, "directions": len(query.directions), "starts": starts, "seed": seed},
+        out=out,
+        overwrite=overwrite,
+        observe=observe,
+    ) as session:
+        polygon = performance_polygon(query)
+        provenance = {**session.provenance, "status": "maxima", "counts": polygon_counts(polygon, session.seconds)}
+        session.keep(lambda folder: save_polygon(polygon, provenance, folder))
+        review_polygon(polygon, session)
+    return polygon

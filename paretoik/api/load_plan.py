@@ -1,0 +1,53 @@
+"""Open the plan of a run again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from paretoik.api.plan_storage import read_plan
+from paretoik.errors import InvalidInput, InvalidRun
+from paretoik.formulations.protocol import motions_of_task
+from paretoik.inputs import file_path
+from paretoik.loading import fingerprint, load_problem
+from paretoik.trajectory.plan import Optimum, Plan
+
+
+def load_plan(folder: str | Path, problem: Any = None) -> Plan:
+    """Return the plan of a run folder, its motions with the arm of ``problem``, by default the one that the run names.
+
+    Raises
+    ------
+    InvalidRun
+        Where the folder is no run of ``plan``, or damaged.
+    InvalidInput
+        Where the problem is not at hand, or not the one that was planned.
+    """
+    folder = file_path("folder", folder)
+    run, columns, stored = read_plan(folder)
+    if problem is None:
+        if run.get("problem") is None:
+            raise InvalidInput(f"{folder}: the problem wanted that was planned; load_plan(folder, problem) names it")
+        problem = load_problem(str(run["problem"]))
+    if fingerprint(problem) != run.get("fingerprint"):
+        raise InvalidInput(f"{folder}: wants the problem that was planned, but its fingerprint is another")
+    motions = motions_of_task(problem.task, stored)
+    if motions is None:
+        raise InvalidRun(f"{folder}: wanted motions at the samples of the problem, got others")
+    return Plan(
+        optima=tuple(
+            Optimum(motion=motion, objective=value, label=branch, status=status, violation_between=violation)
+            for motion, value, branch, status, violation in zip(
+                motions,
+                columns["objective"],
+                columns["branch"],
+                columns["status"],
+                columns["violation_between"],
+                strict=True,
+            )
+        ),
+        levels=tuple((int(samples), int(optima)) for samples, optima in run["levels"]),
+        provenance={
+            key: value for key, value in run.items() if key not in ("format", "holds", "objective", "levels", "files")
+        },
+    )

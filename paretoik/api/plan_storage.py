@@ -1,0 +1,123 @@
+"""A plan on disk: `run.json`, `optima.parquet` and `motions.npz`, in the format of fronts (``front.storage``).
+
+`optima.parquet` has one row an optimum, best first: id, the objective by its name, violation_between, status, branch.
+`motions.npz` has id, joint_names (dof,), time (optima, time), q (optima, time, dof).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from paretoik.errors import InvalidRun
+from paretoik.front.joint_motions import StoredJoints, StoredMotions
+from paretoik.front.storage import array_bytes, motion_arrays, read_motions, read_verified
+from paretoik.run_files import MOTIONS, OPTIMA, RUN, check_digest, read_run, replace_file, run_bytes, to_json
+from paretoik.trajectory.plan import Plan
+
+HOLDS = "the optima of a plan, which load_plan opens"
+
+
+def save_plan(plan: Plan, folder: Path, *, name: str, unit: str, maximised: bool) -> None:
+    """Write a plan of an objective into a folder, each file replaced at once or not at all, `run.json` last."""
+    files = {OPTIMA: _optima_bytes(plan, name, unit), MOTIONS: _motions_bytes(plan)}
+    entries = {
+        **plan.provenance,
+        "holds": HOLDS,
+        "objective": {"name": name, "unit": unit, "maximised": maximised},
+        "levels": [list(level) for level in plan.levels],
+        "files": {file: hashlib.sha256(content).hexdigest() for file, content in files.items()},
+    }
+    for file, content in {**files, RUN: run_bytes(to_json(entries))}.items():
+        replace_file(folder / file, content)
+
+
+def read_plan(folder: Path) -> tuple[dict[str, Any], dict[str, list[Any]], StoredMotions]:
+    """Return the entries of a plan's `run.json`, the columns of its optima, and their motions.
+
+    Raises InvalidRun where a file is missing, damaged, a link, of another version, or of another run, and where the run
+    holds no plan.
+    """
+    run = read_run(folder / RUN)
+    if run.get("holds") != HOLDS:
+        status = f" of status {run.get('status')!r}"
+        raise InvalidRun(f"{folder}: wanted a run with a plan, got one{'' if 'files' in run else status} without")
+    check_digest(folder / RUN, run)
+    files, objective, levels = run.get("files"), run.get("objective"), run.get("levels")
+    if not (isinstance(files, dict) and files.keys() == {OPTIMA, MOTIONS} and _are_counts(levels)):
+        raise InvalidRun(f"{folder}: wanted the levels of a plan and the digests of its files, got other entries")
+    if not (isinstance(objective, dict) and objective.keys() == {"name", "unit", "maximised"}):
+        raise InvalidRun(f"{folder}: wanted an objective with name, unit and maximised, got {objective!r}")
+    contents = {file: read_verified(folder / file, expected) for file, expected in files.items()}
+    columns = _read_optima(folder / OPTIMA, contents[OPTIMA], str(objective["name"]))
+    arrays = read_motions(folder / MOTIONS, contents[MOTIONS], np.array(columns["id"]))
+    if "q" not in arrays:
+        raise InvalidRun(f"{folder / MOTIONS}: wanted the motions of the optima, got none")
+    joints = StoredJoints(joint_names=tuple(str(joint) for joint in arrays["joint_names"]))
+    return run, columns, StoredMotions(arm=joints, time=arrays["time"], q=arrays["q"])
+
+
+def _are_counts(levels: object) -> bool:
+    """Say whether levels are pairs of whole numbers."""
+    return isinstance(levels, list) and all(
+        isinstance(level, list) and len(level) == 2 and all(isinstance(count, int) for count in level)
+        for level in levels
+    )
+
+
+def _optima_bytes(plan: Plan, name: str, unit: str) -> bytes:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    optima = plan.optima
+    columns = {
+        "id": pa.array(range(len(optima)), pa.int64()),
+        name: pa.array([each.objective for each in optima], pa.float64()),
+        "violation_between": pa.array([each.violation_between for each in optima], pa.float64()),
+        "status": pa.array([each.status for each in optima], pa.string()),
+        "branch": pa.array([each.label for each in optima], pa.string()),
+    }
+    schema = pa.schema(
+        [pa.field(key, values.type, metadata={"unit": unit if key == name else ""}) for key, values in columns.items()]
+    )
+    sink = io.BytesIO()
+    pq.write_table(pa.table(columns, schema=schema), sink)
+    return sink.getvalue()
+
+
+def _motions_bytes(plan: Plan) -> bytes:
+    motions = [each.motion for each in plan.optima]
+    stored = StoredMotions(
+        arm=StoredJoints(joint_names=motions[0].arm.joint_names),
+        time=np.stack([motion.time for motion in motions]),
+        q=np.stack([motion.q for motion in motions]),
+    )
+    return array_bytes({"id": np.arange(len(motions)), **motion_arrays(stored)})
+
+
+def _read_optima(file: Path, content: bytes, name: str) -> dict[str, list[Any]]:
+    """Return the columns of the optima, the objective's as "objective"."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    kinds = {
+        "id": pa.int64(),
+        name: pa.float64(),
+        "violation_between": pa.float64(),
+        "status": pa.string(),
+        "branch": pa.string(),
+    }
+    try:
+        # Without a thread: those of read_table may abort the interpreter as it ends (apache/arrow#34314).
+        table = pq.ParquetFile(pa.BufferReader(content)).read(use_threads=False)
+        columns = {key: table.column(key).cast(kind).to_pylist() for key, kind in kinds.items()}
+    except Exception as fault:  # whatever the parser trips over is the file's fault
+        cause = (str(fault).splitlines() or [type(fault).__name__])[0]
+        raise InvalidRun(f"{file}: wanted columns {', '.join(kinds)}, got {cause}") from fault
+    if not columns["id"] or any(None in values for values in columns.values()):
+        raise InvalidRun(f"{file}: wanted optima with all their entries, got none or some that are missing")
+    return {"objective" if key == name else key: values for key, values in columns.items()}

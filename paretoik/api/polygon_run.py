@@ -1,0 +1,49 @@
+"""The run of a polygon of directional maxima: what is asked for, and what is kept of it."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from paretoik.api.run_session import Subject
+from paretoik.capability.directional import DirectionalQuery, PerformancePolygon
+from paretoik.front.storage import array_bytes
+from paretoik.loading import digest_of
+from paretoik.run_files import POLYGON, RUN, replace_file, run_bytes, to_json
+
+HOLDS = f"directional maxima, their arrays in {POLYGON}"
+ARRAYS = ("position", "directions", "values", "q", "dq", "torque", "motor_speeds", "motor_efforts", "sliders")
+
+
+def polygon_subject(query: DirectionalQuery) -> Subject:
+    """Return what is asked for as the subject of a run."""
+    arm, drive = query.arm, query.actuation
+    parts: list[object] = [query.position, query.directions, query.quantity, arm.joint_names, arm.gravity]
+    parts += [arm.position_limits, arm.tool.position, type(drive).__name__, drive.table]
+    title = f"directional maxima of {arm.name}"
+    return Subject(title=title, fingerprint=digest_of(title, parts))
+
+
+def polygon_counts(polygon: PerformancePolygon, seconds: float) -> dict[str, Any]:
+    """Return how many directions there are, and of how many a maximum was found."""
+    found = int(np.isfinite(polygon.values).sum())
+    return {"directions": len(polygon), "found": found, "seconds": round(seconds, 3)}
+
+
+def save_polygon(polygon: PerformancePolygon, provenance: dict[str, Any], folder: Path) -> None:
+    """Write a polygon into a folder, each file replaced at once or not at all, `run.json` last.
+
+    In `polygon.npz` are joint_names (dof,) and the arrays of the polygon by name.
+    """
+    arrays = {name: getattr(polygon, name) for name in ARRAYS}
+    content = array_bytes(
+        {"joint_names": np.array(polygon.arm.joint_names, dtype=np.str_)}
+        | {name: np.asarray(values) for name, values in arrays.items() if values is not None}
+    )
+    files = {POLYGON: hashlib.sha256(content).hexdigest()}
+    entries = {**provenance, "holds": HOLDS, "unit": "m/s" if polygon.quantity == "velocity" else "N", "files": files}
+    replace_file(folder / POLYGON, content)
+    replace_file(folder / RUN, run_bytes(to_json(entries)))

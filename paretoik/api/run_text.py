@@ -1,0 +1,78 @@
+"""What a run came to, in a line; and the optima of a plan as text for people and entries for machines."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from paretoik.formulations.protocol import is_loop
+from paretoik.run_files import DRAWING
+from paretoik.tables import columns
+
+if TYPE_CHECKING:
+    from paretoik.front.front import Front
+    from paretoik.trajectory.plan import Plan
+
+
+def status_text(front: Front) -> str:
+    """Return what a verb came to in what time, and what ended it if that came early."""
+    provenance = front.provenance
+    counts, status = provenance["counts"], provenance["status"]
+    taken = f"{counts['seconds']:.1f} s"
+    if is_loop(front):
+        return f"{counts['steps']} of {counts['of']} steps in {taken} (ended by {status})"
+    points = "1 point" if len(front) == 1 else f"{len(front)} points"
+    match provenance.get("verb", "solve"):
+        case "epsilon_front":
+            return f"{points} after {counts['levels']} levels of ε and {taken}{_stopped(status, 'epsilon')}"
+        case "refine":
+            return (
+                f"{len(front)} of {counts['points']} points, {counts['converged']} converged and {counts['improved']} "
+                f"improved, after {taken}{_stopped(status, 'refined')}"
+            )
+        case _:
+            return (
+                f"{points} after {counts['generations']} generations, {counts['evaluations']} evaluations and {taken} "
+                f"(ended by {status})"
+            )
+
+
+def plan_text(plan: Plan, name: str, unit: str, out: Path) -> str:
+    """Return the optima of a plan, and where they are pictured."""
+    counts, status = plan.provenance["counts"], plan.provenance["status"]
+    count = len(plan.optima)
+    lines = [
+        f"{count} distinct {'optimum' if count == 1 else 'optima'} from {counts['starts']} starts in "
+        f"{counts['seconds']:.1f} s{_stopped(status, 'optima')}"
+    ]
+    rows = [("optimum", f"{name} [{unit}]" if unit else name, "branch", "status", "limits between samples")]
+    for rank, each in enumerate(plan.optima):
+        rows.append((str(rank), f"{each.objective:.6g}", each.label, each.status, _kept(each.violation_between)))
+    return "\n".join([*lines, columns(rows), f"pictured in {out / DRAWING}"])
+
+
+def optima_entries(plan: Plan) -> list[dict[str, Any]]:
+    """Return the optima of a plan as data, best first."""
+    return [
+        {
+            "id": rank,
+            "objective": each.objective,
+            "branch": each.label,
+            "status": each.status,
+            "violation_between": each.violation_between,
+        }
+        for rank, each in enumerate(plan.optima)
+    ]
+
+
+def _kept(violation: float) -> str:
+    """Return whether limits are kept between samples; a stopped plan did not look."""
+    if math.isnan(violation):
+        return "unknown"
+    return "kept" if violation <= 0 else f"violated by {violation:.1e} of a range"
+
+
+def _stopped(status: str, usual: str) -> str:
+    """Return in brackets what ended a verb early, "" where it came to its own end."""
+    return "" if status == usual else f" (stopped by {status})"

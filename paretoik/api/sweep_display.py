@@ -1,0 +1,122 @@
+"""What observers and the recording see of an ε-sweep: its points as they come, and each level of ε."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from paretoik.api.certificate_time import seconds_per_certificate
+from paretoik.api.generation_motions import marked_rows
+from paretoik.api.hypervolume_curve import HypervolumeCurve
+from paretoik.api.progress import RunProgress, count_observer
+from paretoik.api.run_session import RunSession
+from paretoik.api.time_left import sweep_time_left
+from paretoik.formulations.protocol import Differentiable
+from paretoik.front.front import Front
+from paretoik.pareto.scalarisation import ranges_of
+from paretoik.pareto.sweep import SweepProgress
+from paretoik.review.recorded_point import RecordedPoint, record_motion
+from paretoik.review.recorder import Generation
+
+
+class SweepDisplay:
+    """Shows a session each step of a sweep.
+
+    ``levels`` counts the steps under other bounds than the one before, ``seconds_per_certificate`` is measured for an
+    observer.
+    """
+
+    def __init__(self, session: RunSession, formulation: Differentiable) -> None:
+        self.levels, self.seconds_per_certificate = 0, 0.0
+        self._session, self._formulation = session, formulation
+        self._signs = np.where(formulation.maximised, -1.0, 1.0)
+        self._hypervolume = HypervolumeCurve()
+        self._steps = self._points = 0
+        self._level = b""
+        self._started: float | None = None  # of the sweep
+        self._before = 0  # points that it began with
+        self._show_optima = count_observer(session.observe, "optimum")
+
+    def show_optima(self, done: int, total: int) -> None:
+        """Show the search for each objective's own optima; later ones, below an ε, are part of the sweep."""
+        if self._show_optima is not None and self._started is None:
+            self._show_optima(done, total)
+
+    def show_step(self, progress: SweepProgress) -> None:
+        """Show a step in the user's own sign."""
+        if self._started is None:
+            self._start(progress)
+        level = b"" if progress.epsilon is None else progress.epsilon.tobytes()
+        is_level = level not in (b"", self._level)
+        if is_level:
+            self.levels += 1
+            self._level = level
+        is_news, self._points = is_level or len(progress.x) > self._points, len(progress.x)
+        if self._session.is_watched:
+            self._show(progress, is_news=is_news)
+
+    def _start(self, progress: SweepProgress) -> None:
+        """Measure what a certificate takes where somebody wants to know how long the verb will."""
+        if self._session.observe is not None:
+            ranges = ranges_of(progress.objectives)
+            self.seconds_per_certificate = seconds_per_certificate(self._formulation, progress.x, ranges)
+        self._started, self._before = time.monotonic(), progress.done
+
+    def finish(self, front: Front) -> None:
+        """Record the front that the sweep led to, under no bound any more."""
+        if self._session.recorder is not None:
+            generation = Generation(
+                number=self._steps,
+                population=front.objectives,
+                front=front.objectives,
+                front_ids=front.ids,
+                hypervolume=self._hypervolume.measure(front.minimised, self._steps),
+            )
+            self._session.recorder.record(generation)
+
+    def _marked(self, progress: SweepProgress) -> tuple[RecordedPoint, ...]:
+        """Return the best point of every objective and the compromise, with their motions."""
+        front = progress.objectives[progress.front]
+        rows = marked_rows(front, progress.front)
+        motions = self._formulation.individuals(progress.x[progress.front[rows]]).motions
+        return tuple(
+            RecordedPoint(
+                id=int(progress.front[row]),
+                objectives=front[row] * self._signs,
+                axis=axis,
+                motion=None if motions is None else record_motion(motions[place], curves=False),
+            )
+            for place, (row, axis) in enumerate(zip(rows, [*range(len(rows) - 1), None], strict=True))
+        )
+
+    def _show(self, progress: SweepProgress, *, is_news: bool) -> None:
+        assert self._started is not None
+        generation = None
+        if is_news:
+            front = progress.objectives[progress.front]
+            generation = Generation(
+                number=self._steps,
+                population=progress.objectives * self._signs,
+                front=front * self._signs,
+                front_ids=progress.front,
+                hypervolume=self._hypervolume.measure(front, self._steps),
+                points=self._marked(progress) if self._session.recorder is not None else (),
+                epsilon=None if progress.epsilon is None else progress.epsilon * self._signs,
+            )
+            self._steps += 1
+        seconds = time.monotonic() - self._started
+        left = sweep_time_left(
+            progress.done, progress.total, seconds, before=self._before, later=self.seconds_per_certificate
+        )
+        self._session.show(
+            RunProgress(
+                stage="point",
+                done=progress.done,
+                total=progress.total,
+                seconds=seconds,
+                remaining=left,
+                summary=self._hypervolume.summary(self._steps - 1),
+                generation=generation,
+            )
+        )

@@ -1,0 +1,50 @@
+"""``paretoik front``: a certified front by ε-constraints."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import redirect_stdout
+from typing import Annotated
+
+import typer
+
+from paretoik.api.progress_display import open_observer
+from paretoik.cli.console import JsonFlag, QuietFlag, finish_front
+from paretoik.cli.options import OutFolder, Overwrite, Problem, Seed, SolverOption, Starts, TimeLimit
+
+
+def front(
+    problem: Problem,
+    out: OutFolder,
+    points: Annotated[int, typer.Option(help="Most points of the front, spread over it.")] = 20,
+    starts: Starts = None,
+    seed: Seed = 0,
+    solver: SolverOption = "auto",
+    time_limit: TimeLimit = None,
+    overwrite: Overwrite = False,
+    quiet: QuietFlag = False,
+    as_json: JsonFlag = False,
+) -> None:
+    """Find a certified front by gradients alone.
+
+    One objective is minimised, the others are bounded by one ε after another.
+    Ctrl-C ends it early and keeps the result.
+    """
+    # A user's functions may print, and stdout is for the result.
+    with redirect_stdout(sys.stderr), open_observer(not quiet, time_limit=time_limit) as observe:
+        from paretoik.api.epsilon_front import epsilon_front
+        from paretoik.loading import load_problem
+
+        result = epsilon_front(
+            load_problem(problem),
+            points=points,
+            starts=starts,
+            seed=seed,
+            solver=solver,
+            out=out,
+            time_limit=time_limit,
+            overwrite=overwrite,
+            reference=problem,
+            observe=observe or False,
+        )
+    finish_front(result, out, as_json=as_json)

@@ -1,0 +1,32 @@
+"""What there is of a plan once a level of samples is done."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from jaxtyping import Float
+
+from paretoik.task.motion_task import MotionTask
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LevelProgress:
+    """A level of samples that is done: its task, the motions that it started from, and the distinct optima, best first.
+
+    Where none of the level's motions keeps all limits these are the least-violating ones.
+    """
+
+    task: MotionTask
+    starts: Float[np.ndarray, "starts samples dof"]
+    optima: Float[np.ndarray, "optima samples dof"]
+
+    @property
+    def samples(self) -> int:
+        """Number of samples of the level."""
+        return len(self.task.times)
+
+
+ObserveLevel: TypeAlias = Callable[[LevelProgress], object]

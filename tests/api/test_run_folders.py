@@ -1,0 +1,86 @@
+"""Every verb that takes out= keeps a folder that says what was asked, what came of it, and can be opened again."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import paretoik as pk
+from paretoik.run_files import DRAWING, POLYGON, RECORDING, TRACES
+from tests.api.problems import PATH, tracking
+
+
+def entries(folder) -> dict:
+    return json.loads((folder / "run.json").read_text())
+
+
+def test_a_plan_is_opened_as_it_was_and_is_no_front(tmp_path):
+    problem = tracking(pk.kinetic_energy)
+    plan = pk.plan(problem, starts=6, out=tmp_path)
+    again = pk.load_plan(tmp_path, problem)
+    assert [each.objective for each in again.optima] == [each.objective for each in plan.optima]
+    assert [each.label for each in again.optima] == [each.label for each in plan.optima]
+    assert all(np.array_equal(a.motion.q, b.motion.q) for a, b in zip(again.optima, plan.optima, strict=True))
+    assert (again.levels, dict(again.provenance)) == (plan.levels, dict(plan.provenance))
+    assert (tmp_path / DRAWING).stat().st_size > 0
+    with pytest.raises(pk.InvalidInput, match="got one that holds the optima of a plan, which load_plan opens"):
+        pk.load_front(tmp_path)
+    with pytest.raises(pk.InvalidInput, match="its fingerprint is another"):
+        pk.load_plan(tmp_path, tracking(pk.kinetic_energy, velocity=9.0))
+    with pytest.raises(pk.InvalidInput, match="the problem wanted that was planned"):
+        pk.load_plan(tmp_path)
+    with pytest.raises(pk.InvalidInput, match="permission to overwrite"):
+        pk.plan(problem, starts=6, out=tmp_path)
+
+
+def test_a_damaged_plan_is_refused(tmp_path):
+    problem = tracking(pk.kinetic_energy)
+    pk.plan(problem, starts=4, out=tmp_path)
+    table = tmp_path / "optima.parquet"
+    table.write_bytes(table.read_bytes()[:-1])
+    with pytest.raises(pk.InvalidInput, match=r"wanted the file that run\.json belongs to"):
+        pk.load_plan(tmp_path, problem)
+
+
+def test_an_epsilon_front_and_its_refinement_are_runs_with_recordings(problem, tmp_path):
+    front = pk.epsilon_front(problem, points=4, starts=4, out=tmp_path / "front")
+    stored = pk.load_front(tmp_path / "front", problem)
+    assert np.array_equal(stored.objectives, front.objectives)
+    refined = pk.refine(stored, out=tmp_path / "refined")
+    said = entries(tmp_path / "refined")
+    assert (said["verb"], said["status"], said["parent"]["verb"]) == ("refine", "refined", "epsilon_front")
+    assert said["parent"]["run"] == str(tmp_path / "front")
+    assert np.array_equal(pk.load_front(tmp_path / "refined").objectives, refined.objectives)
+    assert all((tmp_path / name / RECORDING).stat().st_size > 0 for name in ("front", "refined"))
+
+
+def test_past_its_time_limit_a_verb_with_nothing_says_so(tmp_path):
+    problem = tracking(pk.kinetic_energy)
+    with pytest.raises(pk.ParetoikError, match="time_limit: nothing was found within 1e-09 s"):
+        pk.plan(problem, time_limit=1e-9, out=tmp_path)
+    assert entries(tmp_path)["status"] == "SolverFailed"
+    with pytest.raises(pk.InvalidInput, match="time_limit: must be positive"):
+        pk.plan(problem, time_limit=0.0)
+
+
+def test_a_resolved_motion_keeps_its_traces(tmp_path):
+    arm, method = pk.arms.tringali_3r(), pk.methods.DampedLeastSquares()
+    motion = pk.resolve(arm, PATH, method, start=[0.0, 0.327, -0.754], unreachable="track", out=tmp_path)
+    alone = pk.resolve(arm, PATH, method, start=[0.0, 0.327, -0.754], unreachable="track")
+    with np.load(tmp_path / "motions.npz") as stored:
+        assert np.array_equal(stored["q"][0], motion.q)
+    with np.load(tmp_path / TRACES) as traces:
+        assert np.array_equal(traces["errors"][0], alone.traces.errors)
+    assert entries(tmp_path)["settings"]["method"]["name"] == "DampedLeastSquares"
+    assert sum(entries(tmp_path)["counts"]["steps"].values()) == len(PATH.times) - 1
+
+
+def test_directional_maxima_keep_their_polygon(tmp_path):
+    arm, motors = pk.arms.kim_3r(), pk.capability.kim_joint_motors()
+    polygon = pk.directional_maxima(arm, motors, (0.1, -0.15), 4, out=tmp_path)
+    with np.load(tmp_path / POLYGON) as stored:
+        assert np.array_equal(stored["values"], polygon.values)
+        assert np.array_equal(stored["q"], polygon.q)
+    assert entries(tmp_path)["counts"]["found"] == 4

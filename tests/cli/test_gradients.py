@@ -1,0 +1,48 @@
+"""plan, front and refine on the command line."""
+
+from __future__ import annotations
+
+from tests.cli.commands import strict
+
+
+def test_front_and_refine_keep_runs_and_print_strict_json(paretoik, mine, tmp_path):
+    found = paretoik("front", f"{mine}:good", "--out", tmp_path / "f", "--points", "3", "--starts", "4", "--quiet")
+    assert (found.code, found.err) == (0, "")
+    assert "levels of ε" in found.out.splitlines()[0]
+    refined = paretoik("refine", tmp_path / "f", "--out", tmp_path / "r", "--quiet", "--json")
+    assert refined.code == 0
+    assert strict(refined.out)["parent"]["run"] == str(tmp_path / "f")
+
+
+def test_plan_lists_the_optima(paretoik, mine, tmp_path):
+    file = tmp_path / "one_objective.py"
+    file.write_text(ONE)
+    ended = paretoik("plan", f"{file}:one", "--out", tmp_path / "p", "--starts", "4", "--quiet", "--json")
+    assert ended.code == 0
+    optima = strict(ended.out)["optima"]
+    assert [each["objective"] for each in optima] == sorted(each["objective"] for each in optima)
+    refused = paretoik("refine", tmp_path / "p", "--out", tmp_path / "r", "--quiet")
+    assert refused.code == 2
+    assert "holds the optima of a plan" in refused.err
+
+
+def test_wrong_combinations_are_one_line_and_2(paretoik, mine, finished, tmp_path):
+    for words, said in (
+        (("plan", f"{mine}:good", "--out", tmp_path / "p"), "plan: one objective wanted, got 2"),
+        (("refine", finished, "--out", finished), "out: wants another folder"),
+        (("front", f"{mine}:good", "--out", finished), "permission to overwrite"),
+        (("refine", tmp_path, "--out", tmp_path / "r"), "wanted a plain file, got nothing"),
+    ):
+        ended = paretoik(*words, "--quiet")
+        assert (ended.code, ended.out, ended.err.count("\n")) == (2, "", 1)
+        assert said in ended.err
+
+
+ONE = """
+from paretoik import Tracking, kinetic_energy, line
+from paretoik.robot.arms import tringali_3r
+
+def one() -> Tracking:
+    path = line((0.4678, 0.0), (0.0983, 0.1526), duration=1.0, samples=21)
+    return Tracking(tringali_3r(), path, objectives=[kinetic_energy], coefficients=4, bases=2)
+"""
