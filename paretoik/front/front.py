@@ -208,7 +208,8 @@ class Front:
 
         ``preference`` is one of those of ``paretoik`` or your own (``Preference``); "knee" and "compromise" stand for
         ``Knee()`` and ``Compromise()``, numbers by objective for ``Weights``, an integer for the point with that id.
-        A front with a run ``folder`` keeps the choice there, in choices.json (``choices``), unless ``keep`` is False.
+        A front with a run ``folder`` keeps the choice there, in choices.json (``choices``), unless ``keep`` is False or
+        it is the motion of a closed loop that was followed anew.
 
         Raises Infeasible where the front is empty or no point suits, and InvalidInput for other preferences.
         """
@@ -221,7 +222,8 @@ class Front:
         wish = as_preference(preference)
         select: Callable[[Front, Preference], Choice] | None = getattr(self.problem, "select", None)
         choice = ask(wish, self) if select is None else select(self, wish)
-        if keep and self.folder is not None:
+        own = np.array_equal(choice.objectives, self.objectives[choice.index])  # not a loop that was followed anew
+        if keep and own and self.folder is not None:
             keep_choice(self, choice, wish)
         return choice
 

@@ -31,5 +31,5 @@ for name, unit, value in zip(front.names, front.units, front.objectives[0], stri
 # loop in the run folder, so the choice is not kept there.
 
 # %%
-choice = front.select(pk.Weights(joint_displacement=0.1, position_error=0.9), keep=False)
+choice = front.select(pk.Weights(joint_displacement=0.1, position_error=0.9))
 print(choice.reason)

@@ -95,7 +95,7 @@ def test_at_the_end_of_a_front_nothing_gets_better():
 def test_a_point_is_a_choice_by_its_id_and_no_move_was_made():
     one = front()
     assert one.choice_of(9).index == 2
-    assert one.choice_of(9).reason == "Point 9 was asked for."
+    assert one.choice_of(9).reason.startswith("Point 9 was asked for. It has energy 3 J")
     assert one.navigated is None
     with pytest.raises(InvalidInput, match="choice_of: wants a choice or an id"):
         one.choice_of(1)

@@ -15,6 +15,7 @@ import paretoik as pk
 from paretoik.front.choices import Choices, KeptChoice
 from paretoik.front.compromise import compromise
 from paretoik.front.front import Front
+from paretoik.front.joint_motions import StoredJoints, StoredMotions
 from paretoik.review.report import Report, ReportOptions, Steps
 from paretoik.review.report_motions import ReportMotions, spread_rows
 from tests.review.page_reading import Page, unpacked
@@ -206,8 +207,10 @@ def test_an_empty_front_says_so(make_front):
 
 
 def test_motions_without_their_arm_are_positions(make_front):
-    read = page(make_front(2))
-    described = read.data["motions"]
+    front = make_front(2)
+    joints = StoredJoints(joint_names=front.motions.arm.joint_names)
+    stored = StoredMotions(arm=joints, time=front.motions.time, q=front.motions.q)
+    described = page(replace(front, motions=stored)).data["motions"]
     assert [each["name"] for each in described["quantities"]] == ["position"]
     assert "arm" not in described
 

@@ -1,4 +1,4 @@
-"""Settings of the API pages: ``sphinx-build docs build/api`` writes one for every public name, without network."""
+"""Settings of the API pages: ``sphinx-build problems/api_pages build/api`` writes one for every public name, without network."""
 
 from __future__ import annotations
 

@@ -25,7 +25,8 @@ pytestmark = pytest.mark.slow  # it reads and writes some sixty pages
 def pages(tmp_path_factory) -> Path:
     (command,) = re.findall(r"^sphinx-build .*$", (ROOT / "problems" / "README.md").read_text(), flags=re.MULTILINE)
     folder = tmp_path_factory.mktemp("checkout")
-    shutil.copytree(ROOT / "docs", folder / "docs", ignore=shutil.ignore_patterns("names"))
+    place = Path("problems") / "api_pages"
+    shutil.copytree(ROOT / place, folder / place, ignore=shutil.ignore_patterns("names"))
     arguments = [sys.executable, "-m", "sphinx", "-W", "--keep-going", *shlex.split(command)[1:]]
     built = subprocess.run(arguments, cwd=folder, capture_output=True, text=True, check=False)
     assert built.returncode == 0, built.stderr  # a warning is an error
