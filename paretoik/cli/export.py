@@ -13,7 +13,7 @@ from paretoik.cli.console import JsonFlag, RunFolder, print_json
 from paretoik.errors import InvalidInput
 
 if TYPE_CHECKING:  # so that the command line starts quickly
-    from paretoik.front.front import Front
+    from paretoik.front.front import Choice, Front
     from paretoik.joint_trajectory.trajectory import JointTrajectory
 
 ENDINGS = {"csv": ".csv", "parquet": ".parquet", "npz": ".npz", "joint-trajectory": ".yaml", "ros2-bag": "_bag"}
@@ -21,7 +21,9 @@ ENDINGS = {"csv": ".csv", "parquet": ".parquet", "npz": ".npz", "joint-trajector
 
 def export(
     run: RunFolder,
-    point: Annotated[int | None, typer.Option(help="Id of the point.", show_default=False)] = None,
+    point: Annotated[
+        int | None, typer.Option(help="Id of the point instead of the present choice.", show_default=False)
+    ] = None,
     format: Annotated[
         Literal["csv", "parquet", "npz", "joint-trajectory", "ros2-bag"] | None,
         typer.Option(help="What to write: the ending of --out, or else csv.", show_default=False),
@@ -54,14 +56,14 @@ def export(
         from paretoik.api.load_front import load_front
 
         front = load_front(run)
-        row = _row(front, point)
-        place = out or run / f"point-{front.ids[row]}{ENDINGS[format or 'csv']}"
+        choice = _choice(front, point)
+        place = out or run / f"point-{choice.id}{ENDINGS[format or 'csv']}"
         objectives = {
             name: f"{value:.6g} {unit}".rstrip()
-            for name, unit, value in zip(front.names, front.units, front.objectives[row], strict=True)
+            for name, unit, value in zip(front.names, front.units, choice.objectives, strict=True)
         }
         trajectory = export_motion(
-            front.choice(row, f"point {front.ids[row]} was asked for"),
+            choice,
             place,
             format=format or ("csv" if out is None else None),
             rate=rate,
@@ -81,15 +83,14 @@ def export(
         print(_text(trajectory, place))
 
 
-def _row(front: Front, point: int | None) -> int:
-    """Return the row of a point; raises InvalidInput where there is none, or none is named."""
-    ids = front.ids.tolist()
-    if point is None:
-        raise InvalidInput("--point: the id of a point wanted, got none; paretoik select names one")
-    if point not in ids:
-        known = ", ".join(map(str, sorted(ids)[:20])) + (", ..." if len(ids) > 20 else "")
-        raise InvalidInput(f"--point: one of {known} wanted, got {point}")
-    return ids.index(point)
+def _choice(front: Front, point: int | None) -> Choice:
+    """Return the point, or the present choice; raises InvalidInput where there is none."""
+    from paretoik.front.choices import chosen
+
+    choice = chosen(front) if point is None else front[point]
+    if choice is None:
+        raise InvalidInput("--point: the id of a point wanted, got none, and paretoik select has kept no choice")
+    return choice
 
 
 def _text(trajectory: JointTrajectory, place: Path) -> str:

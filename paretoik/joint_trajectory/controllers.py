@@ -23,6 +23,8 @@ from paretoik.errors import InvalidInput
 from paretoik.joint_trajectory.controller import Braking, Controller
 from paretoik.robot.arm import Arm
 
+__all__ = ["FR3", "GEN3", "PANDA", "UR3E", "UR5E", "UR10E", "UR16E", "Controller"]
+
 FCI = "Franka Control Interface Documentation, Control Interface Specification and Robot Limits"
 UR_MANUAL = "Universal Robots e-Series user manual 5.8; Max. joint torques; no accelerations or jerks published"
 UR_JOINTS = (

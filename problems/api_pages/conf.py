@@ -1,4 +1,4 @@
-"""Settings of the API pages: ``sphinx-build problems/api_pages build/api`` writes one for every public name, without network."""
+"""Settings of the API pages, one a public name: ``sphinx-build problems/api_pages build/api``, without network."""
 
 from __future__ import annotations
 

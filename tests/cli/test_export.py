@@ -65,11 +65,19 @@ def test_a_point_is_written_into_its_run_by_default(paretoik, finished, tmp_path
     assert load_front(run).ids.tolist() == front.ids.tolist()  # the run is as it was
 
 
+def test_the_present_choice_is_written_where_no_point_is_named(paretoik, finished, tmp_path):
+    run = shutil.copytree(finished, tmp_path / "run")
+    chosen = load_front(run).select("compromise")
+    ended = paretoik("export", run, "--rate", "50")
+    assert ended.code == 0
+    assert ended.out.startswith(f"{run / f'point-{chosen.id}.csv'}: point {chosen.id}, ")
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
         ((), "error: --point: the id of a point wanted, got none"),
-        (("--point", "99999"), "error: --point: one of "),
+        (("--point", "99999"), "error: front: "),
         (("--point", "FIRST"), "error: rate: the controller's, in Hz (--rate), or a controller (--controller) wanted"),
         (("--point", "FIRST", "--controller", "franka"), "error: controller panda: wants the joints panda_joint1"),
         (("--point", "FIRST", "--rate", "50", "--joints", "a,b"), "got 'a', which is none of them"),
