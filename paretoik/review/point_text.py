@@ -72,9 +72,9 @@ def _generation_text(scene: SearchScene, generation: Generation, moved: int | No
             for axis in range(len(scene.names))
         ]
     if chosen is not None:
-        lines.append(f"The compromise, point {chosen.id}, is {COMPROMISE_IN_WORDS}.")
+        lines += ["", f"The compromise, point {chosen.id}, is {COMPROMISE_IN_WORDS}."]  # a paragraph below the list
     if moved is not None and moved != generation.number:
-        lines.append(f"The arm shows generation {moved}: these motions were not kept.")
+        lines += ["", f"The arm shows generation {moved}: these motions were not kept."]
     return "\n".join(lines)
 
 
