@@ -89,7 +89,8 @@ def plan(
     check_time_limit(time_limit)
     check_flag("overwrite", overwrite)
     find_optima = require_plan(problem)
-    check_solver(problem.program(), solver)
+    if solver != "auto":  # which takes what there is, and looks at values before derivatives
+        check_solver(problem.program(), solver)
     settings = {"starts": starts, "seed": seed, "solver": solver, "time_limit": time_limit}
     with run_session(
         Subject.of(problem, reference),
