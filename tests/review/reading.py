@@ -19,17 +19,18 @@ def read(file: Path) -> dict[str, list]:
 
 
 def rows(batches: list, timeline: str, component: str) -> dict[int, np.ndarray]:
-    """Return what the last row logged at each time of `timeline` holds in `component`."""
-    last_values = {}
+    """Return what the last row logged at each time of `timeline` holds in `component`: ids of rows tell their order."""
+    last_values: dict[int, tuple[bytes, np.ndarray]] = {}
     for batch in batches:
         names = batch.schema.names
         matching = [name for name in names if name.split(":")[-1] == component]
         if timeline in names and matching:
+            ids = batch.column("rerun.controls.RowId").to_pylist()
             times = batch.column(timeline).cast("int64").to_pylist()
-            for time, value in zip(times, batch.column(matching[0]).to_pylist(), strict=True):
-                if value is not None:
-                    last_values[time] = np.array(value)
-    return last_values
+            for row, time, value in zip(ids, times, batch.column(matching[0]).to_pylist(), strict=True):
+                if value is not None and row >= last_values.get(time, (b"",))[0]:
+                    last_values[time] = row, np.array(value)
+    return {time: value for time, (_, value) in last_values.items()}
 
 
 def views(file: Path) -> dict[str, str]:
