@@ -19,6 +19,7 @@ from paretoik.errors import Infeasible
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.minimise import minimise
 from paretoik.nlp.program import Solver
+from paretoik.pareto.certificates import weights_at
 from paretoik.pareto.refine import refine
 from paretoik.robot.scales import joint_scales
 from paretoik.stop_flag import Interrupted, check_interruption
@@ -40,8 +41,9 @@ class TighteningOptions:
     At the samples a violation up to ``feasible`` of it is none.
 
     At most so many ``rounds``, each by at most ``largest`` of a range, where more than ``target`` of the tolerance is
-    exceeded. ``weight`` is that of all objectives beside the first, as when fronts are refined. ``warm`` is tried
-    first, ``holding`` where it does not converge, then the next of the ``shares`` of what is exceeded.
+    exceeded. ``least_weight`` is the least share that any objective has of the weights of a point: none is left out.
+    ``weight`` is that of all beside the first where a point has no weights, as when fronts are refined. ``warm`` is
+    tried first, ``holding`` where it does not converge, then the next of the ``shares`` of what is exceeded.
     """
 
     tolerance: float = 5e-5
@@ -51,6 +53,7 @@ class TighteningOptions:
     largest: float = 0.4
     shares: tuple[float, ...] = (1.0, 0.5, 0.25)
     weight: float = 0.1
+    least_weight: float = 1e-3
     warm: InteriorPointOptions = InteriorPointOptions(barrier=1e-4, radius=0.02, iterations=400)
     holding: InteriorPointOptions = InteriorPointOptions(barrier=1e-4, penalty=100.0, radius=0.02, iterations=400)
 
@@ -86,10 +89,11 @@ def hold_between(
     best = _held(program, x)
     if program.task.differences != "spline":
         return best
-    current = best
+    current, weights = best, np.zeros(n_obj)
     for _ in range(OPTIONS.rounds):
         if current.violation <= OPTIONS.tolerance or not np.isfinite(current.violation):
             break
+        weights = weights if weights.any() else _weights(program, best.x, n_obj)
         near = current.x if set(PROJECTED) & set(program.task.bounds) else None
         untightened = _limited_on_path(program, near)
         before, limits = untightened.bounds.copy(), len(current.bounds) - program.kinks  # limits on the path come last
@@ -97,7 +101,7 @@ def hold_between(
         bounds = _tightened_bounds(untightened, current.x, before)
         for share in OPTIONS.shares:
             tighter = replace(untightened, bounds=before + share * (bounds - before))
-            solved = _solve_again(tighter, current.x, n_obj, solver)
+            solved = _solve_again(tighter, current.x, weights, solver)
             if solved is not None:
                 break
         else:
@@ -153,20 +157,23 @@ def violation_between(task: MotionTask, x: Float[np.ndarray, "time dof"]) -> flo
         return np.inf
 
 
-def _solve_again(program: MotionProgram, x: np.ndarray, n_obj: int, solver: Solver) -> np.ndarray | None:
+def _solve_again(
+    program: MotionProgram, x: np.ndarray, weights: Float[np.ndarray, " n_obj"], solver: Solver
+) -> np.ndarray | None:
     """Return the motion that a tighter program has instead; None where it has none.
 
-    Straight ahead an objective may have to rise so that all move alike: what several can still gain is taken then.
+    Objectives have the ``weights`` of the motion before, so that it does not slide along the front. Straight ahead an
+    objective may have to rise so that all move alike: what several can still gain is taken then.
     """
-    weights = np.zeros((1, len(program.upper)))
-    weights[0, :n_obj] = OPTIONS.weight
-    weights[0, 0] += 1.0
+    n_obj = len(weights)
+    main = int(np.argmax(weights))
+    factors = np.pad(weights, (0, len(program.upper) - n_obj))[None]
     rows = np.eye(n_obj, len(program.upper))
-    rows[1:, 0] = -1.0  # F_j − F_0
+    rows[np.arange(n_obj) != main, main] = -1.0  # F_j − F_main
     upper = (rows @ program.evaluate(x)[0])[None]
-    upper[0, 0] = np.inf
+    upper[0, main] = np.inf
     for options in (OPTIONS.warm, OPTIONS.holding):
-        solutions = minimise(program, x[None], weights, upper, options, rows=rows, solver=solver)
+        solutions = minimise(program, x[None], factors, upper, options, rows=rows, solver=solver)
         if not solutions.converged[0]:
             continue
         if n_obj == 1:
@@ -175,6 +182,14 @@ def _solve_again(program: MotionProgram, x: np.ndarray, n_obj: int, solver: Solv
         if critical[0]:
             return np.asarray(optimal[0])
     return None
+
+
+def _weights(program: MotionProgram, x: np.ndarray, n_obj: int) -> Float[np.ndarray, " n_obj"]:
+    """Return the weights of the objectives at a motion, those of refinement where it is not critical."""
+    (weights,) = weights_at(program, x[None], n_obj)
+    if np.isfinite(weights).all():
+        return np.maximum(weights / weights.sum(), OPTIONS.least_weight)
+    return OPTIONS.weight + np.eye(n_obj)[0]
 
 
 def _tightened_bounds(

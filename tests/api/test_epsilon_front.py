@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 import paretoik as pk
@@ -32,3 +33,14 @@ def test_one_objective_is_left_to_plan():
 def test_settings_that_make_no_sense_are_refused(problem, settings, words):
     with pytest.raises(pk.InvalidInput, match=words):
         pk.epsilon_front(problem, **settings)
+
+
+def test_an_end_that_is_held_between_samples_does_not_slide_along_the_front():
+    path = pk.line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=31)
+    limits = pk.Limits(position=np.deg2rad([90, 120, 120]), clearance=0.005)
+    cell = {"obstacles": [pk.obstacles.Circle([0.28, -0.11], 0.02)], "link_radius": 0.015, "limits": limits}
+    alone = pk.plan(pk.Tracking(pk.arms.tringali_3r(), path, objectives=[pk.kinetic_energy], **cell), starts=6)
+    both = pk.Tracking(pk.arms.tringali_3r(), path, objectives=[pk.kinetic_energy, pk.obstacle_clearance], **cell)
+    front = pk.epsilon_front(both, points=3, starts=6)
+    lost = front.objectives[0, 0] - alone.best.objective
+    assert lost < 1e-4 * np.ptp(front.objectives[:, 0])
