@@ -29,8 +29,8 @@ def polygon_subject(query: DirectionalQuery) -> Subject:
 
 def polygon_counts(polygon: PerformancePolygon, seconds: float) -> dict[str, Any]:
     """Return how many directions there are, and of how many a maximum was found."""
-    found = int(np.isfinite(polygon.values).sum())
-    return {"directions": len(polygon), "found": found, "seconds": round(seconds, 3)}
+    maxima = int(np.isfinite(polygon.values).sum())
+    return {"directions": len(polygon), "found": maxima, "seconds": round(seconds, 3)}
 
 
 def save_polygon(polygon: PerformancePolygon, provenance: dict[str, Any], folder: Path) -> None:

@@ -33,8 +33,8 @@ def sweep_time_left(done: int, total: int, seconds: float, *, before: int, later
     From ``before`` points on it has taken ``seconds``. All points then have their limits tightened between samples,
     which takes a share of what finding them took, and ``later`` seconds each for their certificates.
     """
-    found = done - before
-    if found < max(OPTIONS.share * total, 1.0) or seconds < OPTIONS.seconds:
+    gained = done - before
+    if gained < max(OPTIONS.share * total, 1.0) or seconds < OPTIONS.seconds:
         return None
-    each = seconds / found
+    each = seconds / gained
     return each * (total - done) + total * (OPTIONS.tightening * each + later)

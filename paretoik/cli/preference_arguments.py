@@ -35,9 +35,9 @@ def read_preference(wishes: Mapping[str, Any], *, uncertainty: float, start: int
     }
     chosen, bounds = [name for name in options if wishes[name] not in (None, False)], wishes["bounds"]
     if len(chosen) > 1 or not (chosen or bounds):
-        wanted = ", ".join(f"--{name}" for name in options)
+        names = ", ".join(f"--{name}" for name in options)
         got = " and ".join(f"--{name}" for name in chosen) or "none"
-        raise InvalidInput(f"select: wanted one of {wanted}, with or without --bounds, got {got}")
+        raise InvalidInput(f"select: wanted one of {names}, with or without --bounds, got {got}")
     preference = options[chosen[0]](wishes[chosen[0]]) if chosen else Compromise()
     return preference if bounds is None else Bounds(parse_bounds(bounds), then=preference)
 
@@ -110,18 +110,18 @@ def parse_classes(text: str, start: int | None, run: Path) -> Classify:
         else:
             raise InvalidInput(f"classify: wanted of {name} {CLASSES}, got {kind!r}")
     if start is None:
-        kept = read_choices(run).chosen
-        if kept is None:
+        chosen = read_choices(run).chosen
+        if chosen is None:
             raise InvalidInput("classify: wanted a point to start from (--from ID), as the run has no choice yet")
-        start = kept.point
+        start = chosen.point
     return Classify(start, improve_to=values["improve"], relax_to=values["relax"], **lists)
 
 
-def _parts(option: str, text: str, wanted: str) -> Iterator[tuple[str, str]]:
+def _parts(option: str, text: str, form: str) -> Iterator[tuple[str, str]]:
     for part in text.split(","):
         name, separator, value = map(str.strip, part.partition("="))
         if not separator or not name:
-            raise InvalidInput(f"{option}: wanted {wanted}, got {part!r}")
+            raise InvalidInput(f"{option}: wanted {form}, got {part!r}")
         yield name, value
 
 

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import sys
 from contextlib import redirect_stdout
-from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
 
 from paretoik.api.progress_display import open_observer
 from paretoik.cli.console import JsonFlag, QuietFlag, finish_front
+from paretoik.cli.options import OutFolder, Overwrite, Problem, SolverName, TimeLimit
 
 
 def solve(
-    problem: Annotated[str, typer.Argument(help="FILE.py:NAME or package.module:NAME", show_default=False)],
-    out: Annotated[Path, typer.Option(help="Folder to keep the run in.", show_default=False)],
+    problem: Problem,
+    out: OutFolder,
     population: Annotated[
         int | None, typer.Option(help="Size of the population (200; of a closed loop its own).", show_default=False)
     ] = None,
@@ -24,12 +24,12 @@ def solve(
     ] = None,
     points: Annotated[int, typer.Option(help="Most points of the front, spread over it.")] = 200,
     seed: Annotated[int | None, typer.Option(help="Seed of all chance (0).", show_default=False)] = None,
-    time_limit: Annotated[float | None, typer.Option(help="Stop after so many seconds and keep the result.")] = None,
+    time_limit: TimeLimit = None,
     refine: Annotated[
         bool, typer.Option("--refine", help="Let gradients help, and add ends and certificates.")
     ] = False,
     solver: Annotated[
-        Literal["auto", "interior-point", "sqp"],
+        SolverName,
         typer.Option(help="What --refine uses: interior points (smooth functions), or SQP by Clarabel (any)."),
     ] = "auto",
     record_step: Annotated[
@@ -39,7 +39,7 @@ def solve(
     live: Annotated[
         bool, typer.Option("--live", help="Open a viewer on the run; without a screen, say how to attach one.")
     ] = False,
-    overwrite: Annotated[bool, typer.Option(help="Replace a run that is in the folder.")] = False,
+    overwrite: Overwrite = False,
     quiet: QuietFlag = False,
     as_json: JsonFlag = False,
 ) -> None:

@@ -23,7 +23,7 @@ from paretoik.nlp.program import Program
 from paretoik.pareto.certificates import certify
 from paretoik.pareto.gap_filling import POINT_TOLERANCE
 from paretoik.pareto.goals import Aim, Wish
-from paretoik.pareto.navigation import Destination, Known, move, reach
+from paretoik.pareto.navigation import Destination, FrontPoints, move, reach
 from paretoik.pareto.scalarisation import ranges_of
 
 
@@ -56,7 +56,7 @@ def navigate(problem: Any, front: Front, request: NavigationRequest) -> Front:
     Raises Infeasible where there is no point that is better in what is asked for.
     """
     formulation: Differentiable = problem
-    program, known = formulation.program(), Known(x=formulation.front_points(front), objectives=front.minimised)
+    program, points = formulation.program(), FrontPoints(x=formulation.front_points(front), objectives=front.minimised)
     ranges = _widths(front)
     aim = Aim(
         wish=Wish(improve=request.improve, payers=request.payers, by=request.by / ranges[request.improve]),
@@ -67,7 +67,7 @@ def navigate(problem: Any, front: Front, request: NavigationRequest) -> Front:
     )
     between = _between(problem)
     began = time.process_time()
-    destination = move(program, known, request.row, aim, between)
+    destination = move(program, points, request.row, aim, between)
     seconds = time.process_time() - began
     if destination is None:
         name, unit = front.names[request.improve], front.units[request.improve]
@@ -149,15 +149,15 @@ def _joined(
 ) -> Front:
     """Return the front with the point, without those that it dominates, and a note of the move in its provenance."""
     assert front.certificates is not None
-    value, known = arrival.individual.objectives[0] / aim.ranges, front.minimised / aim.ranges
-    better = np.flatnonzero((known <= value + OPTIONS.tolerance).all(axis=1))
+    value, values = arrival.individual.objectives[0] / aim.ranges, front.minimised / aim.ranges
+    better = np.flatnonzero((values <= value + OPTIONS.tolerance).all(axis=1))
     moves = list(front.provenance.get(NAVIGATIONS, ()))
     if len(better):
-        id, left = int(front.ids[better[np.argmin(known[better].sum(axis=1))]]), np.zeros(0, dtype=int)
+        id, left = int(front.ids[better[np.argmin(values[better].sum(axis=1))]]), np.zeros(0, dtype=int)
         joined = front
     else:
         id = 1 + max([int(front.ids.max()), *(one["to"] for one in moves), *front.provenance.get("left", ())])
-        left = np.flatnonzero((value <= known).all(axis=1))
+        left = np.flatnonzero((value <= values).all(axis=1))
         joined = _add(problem, front, left, id, arrival)
     note = describe_move(
         front,

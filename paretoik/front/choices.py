@@ -140,10 +140,10 @@ def chosen(front: Front) -> Choice | None:
 
     Raises InvalidInput where the front does not have its point.
     """
-    kept = front.choices.chosen
-    if kept is None:
+    entry = front.choices.chosen
+    if entry is None:
         return None
-    return replace(front[kept.point], reason=kept.reason)
+    return replace(front[entry.point], reason=entry.reason)
 
 
 def preference_data(preference: Preference) -> dict[str, Any]:

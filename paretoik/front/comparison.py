@@ -76,8 +76,8 @@ class Comparison:
     def hypervolume(self) -> Values:
         """Hypervolume of each front (fronts,) up to 1.1 in every share, over that of the merged front."""
         reference = np.full(len(self.fronts[0].names), REFERENCE)
-        kept = np.concatenate([shares[rows] for shares, rows in zip(self.shares, self.merged_rows, strict=True)])
-        return np.array([hypervolume(shares, reference) for shares in self.shares]) / hypervolume(kept, reference)
+        merged = np.concatenate([shares[rows] for shares, rows in zip(self.shares, self.merged_rows, strict=True)])
+        return np.array([hypervolume(shares, reference) for shares in self.shares]) / hypervolume(merged, reference)
 
     @cached_property
     def coverage(self) -> Pairs:
@@ -176,11 +176,11 @@ def _check_alike(first: Front, front: Front, first_label: str, label: str) -> No
     if len(front) == 0:
         raise InvalidInput(f"compare: wanted fronts of at least one point, got none in {label}")
     for name in ("names", "units", "maximised"):
-        wanted, got = getattr(first, name), getattr(front, name)
-        if wanted != got:
+        expected, actual = getattr(first, name), getattr(front, name)
+        if expected != actual:
             raise InvalidInput(
-                f"compare: wanted the same {name} of objectives everywhere, got {_listed(wanted)} in {first_label} "
-                f"and {_listed(got)} in {label}"
+                f"compare: wanted the same {name} of objectives everywhere, got {_listed(expected)} in {first_label} "
+                f"and {_listed(actual)} in {label}"
             )
 
 

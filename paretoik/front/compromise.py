@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from paretoik.arrays import Objectives, Values
 from paretoik.errors import Infeasible
+from paretoik.front.preference_options import OPTIONS
 from paretoik.front.reason import percent, subject
 from paretoik.front.ties import first_row
 
@@ -14,7 +15,6 @@ if TYPE_CHECKING:
     from paretoik.front.front import Choice, Front
 
 COMPROMISE_IN_WORDS = "the point whose hardest-hit objective gives up the least, as a share of its range on the front"
-AUGMENTATION = 1e-4  # weight of the sum of all shares beside the worst; Miettinen (1999), section 3.4.5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,7 +43,7 @@ class Compromise:
 
 def score_shares(shares: Objectives) -> Values:
     """Return what the compromise has least, of points by their shares of the ranges (points, n_obj)."""
-    scores: Values = shares.max(axis=1) + AUGMENTATION * shares.sum(axis=1)
+    scores: Values = shares.max(axis=1) + OPTIONS.augmentation * shares.sum(axis=1)
     return scores
 
 

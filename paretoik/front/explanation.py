@@ -11,19 +11,18 @@ from jaxtyping import Float, Int
 
 from paretoik.arrays import Mask, Values
 from paretoik.front.choice import Comparison, ExchangeRate
-from paretoik.front.ties import ROUNDING, first_row
+from paretoik.front.preference_options import OPTIONS
+from paretoik.front.ties import first_row
 
 if TYPE_CHECKING:  # a front asks this file to explain its choices
     from paretoik.front.front import Front
-
-RATE_TOLERANCE = 0.1  # share of what rates predict by which they may be off and still hold
 
 
 def compare_ends(front: Front, row: int) -> tuple[Comparison, ...]:
     """Return the best points of the single objectives beside the point of a row; none where it is the best itself."""
     shares, best = front.shares, dict[int, list[str]]()
     for axis, name in enumerate(front.names):
-        if shares[row, axis] > shares[:, axis].min() + ROUNDING:
+        if shares[row, axis] > shares[:, axis].min() + OPTIONS.rounding:
             best.setdefault(first_row(front, shares[:, axis]), []).append(name)
     return tuple(compare(front, row, other, names) for other, names in best.items())
 
@@ -33,7 +32,7 @@ def compare_neighbours(front: Front, row: int) -> tuple[Comparison, ...]:
     shares, nearest = front.shares, dict[int, list[str]]()
     distance = np.linalg.norm(shares - shares[row], axis=1)
     for axis, name in enumerate(front.names):
-        better = shares[row, axis] - shares[:, axis] > ROUNDING
+        better = shares[row, axis] - shares[:, axis] > OPTIONS.rounding
         if better.any():
             nearest.setdefault(first_row(front, distance, better), []).append(name)
     return tuple(compare(front, row, other, names) for other, names in nearest.items())
@@ -65,7 +64,7 @@ def compare(front: Front, row: int, other: int, better_in: Sequence[str] = ()) -
     amounts = np.abs(front.objectives[other] - front.objectives[row])
     gains, costs = (
         {front.names[axis]: float(amounts[axis]) for axis in np.flatnonzero(part).tolist()}
-        for part in (gained > ROUNDING, gained < -ROUNDING)
+        for part in (gained > OPTIONS.rounding, gained < -OPTIONS.rounding)
     )
     return Comparison(id=int(front.ids[other]), better_in=tuple(better_in), gains=gains, costs=costs)
 
@@ -76,7 +75,7 @@ def _reach(front: Front, row: int, axis: int, rates: Float[np.ndarray, "n_obj n_
     Points that gain in it are looked at from the nearest on, in shares, until rates do not hold or the front jumps.
     """
     shares = front.shares
-    better = np.flatnonzero(shares[row, axis] - shares[:, axis] > ROUNDING)
+    better = np.flatnonzero(shares[row, axis] - shares[:, axis] > OPTIONS.rounding)
     distance = np.linalg.norm(shares[better] - shares[row], axis=1)
     rows = better[np.lexsort((front.ids[better], distance))]
     holds = _holds(front, row, axis, rates)
@@ -107,7 +106,7 @@ def _holds(front: Front, row: int, axis: int, rates: Float[np.ndarray, "n_obj n_
             return None
         costs = gains[:, others, None] * rates[others, j]  # (points, others, 2): by the lowest and the highest rate
         error = np.maximum(costs.min(axis=2).sum(axis=1) + gains[:, j], -gains[:, j] - costs.max(axis=2).sum(axis=1))
-        holds &= error <= RATE_TOLERANCE * np.abs(costs).max(axis=2).sum(axis=1)
+        holds &= error <= OPTIONS.prediction * np.abs(costs).max(axis=2).sum(axis=1)
     return holds
 
 

@@ -41,7 +41,7 @@ def merge(comparison: Comparison) -> Front:
     ]
     lost = [name for name in PARTS if parts[name] is None and any(getattr(front, name) is not None for front in fronts)]
     first = fronts[0]
-    known = {
+    provenance = {
         name: first.provenance[name] for name in ("problem", "fingerprint", "versions") if name in first.provenance
     }
     merged = {"labels": list(comparison.labels), "origins": [[i, *origin] for i, origin in enumerate(old)]}
@@ -51,7 +51,7 @@ def merge(comparison: Comparison) -> Front:
         names=first.names,
         units=first.units,
         maximised=first.maximised,
-        provenance={**known, "status": "merged", "merged": {**merged, "left_out": lost}},
+        provenance={**provenance, "status": "merged", "merged": {**merged, "left_out": lost}},
         problem=next((front.problem for front in fronts if front.problem is not None), None),
         **parts,
     )

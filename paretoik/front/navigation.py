@@ -164,12 +164,12 @@ def _request(
     both = [front.names[axis] for axis in payers if axis in held]
     if both or not payers:
         raise InvalidInput(f"allow: wants objectives that are not on hold, got {', '.join(both) or 'none'}")
-    asked = _asked(front, row, k, by, to)
+    step = _step(front, row, k, by, to)
     _check_not_at_end(front, row, k, payers)
-    return NavigationRequest(row=row, improve=k, by=asked, payers=tuple(payers))
+    return NavigationRequest(row=row, improve=k, by=step, payers=tuple(payers))
 
 
-def _asked(front: Front, row: int, axis: int, by: float | None, to: float | None) -> float:
+def _step(front: Front, row: int, axis: int, by: float | None, to: float | None) -> float:
     """Return by how much to improve an objective, in its own unit."""
     name, value = front.names[axis], float(front.objectives[row, axis])
     if by is not None and to is not None:

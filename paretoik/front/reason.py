@@ -12,17 +12,15 @@ import numpy as np
 
 from paretoik.front.choice import Choice, ExchangeRate
 from paretoik.front.explanation import (
-    RATE_TOLERANCE,
     compare_ends,
     compare_neighbours,
     exchange_rates,
     jumps_beside,
 )
+from paretoik.front.preference_options import OPTIONS
 
 if TYPE_CHECKING:  # a front asks this file for words
     from paretoik.front.front import Front
-
-FULL_WORDS = 3  # objectives up to which every comparison has a sentence; of more each would be long
 
 
 def subject(front: Front, row: int) -> str:
@@ -83,7 +81,7 @@ def _place(front: Front, choice: Choice) -> str:
     parts = []
     for axis, (share, (low, high)) in enumerate(zip(choice.shares.tolist(), front.ranges.tolist(), strict=True)):
         note = " (the same at every point)" if low == high else ""
-        if low < high and len(front.names) > FULL_WORDS:
+        if low < high and len(front.names) > OPTIONS.described:
             note = f" ({percent(share)} of the range from the best)"
         parts.append(f"{front.quantity(axis, choice.objectives[axis])}{note}")
     return f"It has {list_words(parts)}."
@@ -96,7 +94,7 @@ def _ends(front: Front, choice: Choice) -> Iterator[str]:
     ]
     if best:
         yield f"No point is better in {list_words(best, 'or')}."
-    if len(front.names) > FULL_WORDS:
+    if len(front.names) > OPTIONS.described:
         parts = [f"point {end.id} in {list_words(list(end.better_in))}" for end in choice.ends]
         yield f"The best are {list_words(parts)}." if parts else ""
         return
@@ -110,7 +108,7 @@ def _ends(front: Front, choice: Choice) -> Iterator[str]:
 
 def _neighbours(front: Front, choice: Choice) -> Iterator[str]:
     parts = []
-    for each in choice.neighbours[:FULL_WORDS]:
+    for each in choice.neighbours[: OPTIONS.described]:
         gains, costs = (amounts_in_words(front, part, better=part is each.gains) for part in (each.gains, each.costs))
         parts.append(f"point {each.id} has {gains} for {costs}")
     if parts:
@@ -152,7 +150,7 @@ def _rates(front: Front, choice: Choice) -> Iterator[str]:
 
 def _rate_sentence(front: Front, gain: str, rates: list[ExchangeRate]) -> str:
     axis = front.names.index(gain)
-    if len(front.names) > FULL_WORDS:  # the cheapest, in shares of the ranges
+    if len(front.names) > OPTIONS.described:  # the cheapest, in shares of the ranges
         rates = [
             min(rates, key=lambda rate: rate.high / max(np.ptp(front.ranges[front.names.index(rate.cost)]), 1e-300))
         ]
@@ -173,9 +171,9 @@ def _rate_sentence(front: Front, gain: str, rates: list[ExchangeRate]) -> str:
 def _validity(front: Front, rate: ExchangeRate) -> str:
     if rate.holds_to is not None:
         amount = quantity(front, rate.gain, rate.holds_for)
-        return f"; that holds within {RATE_TOLERANCE:.0%} as far as point {rate.holds_to}, {amount} away"
+        return f"; that holds within {OPTIONS.prediction:.0%} as far as point {rate.holds_to}, {amount} away"
     return (
         ""
         if rate.fails_at is None
-        else f"; at point {rate.fails_at} already it is off by more than {RATE_TOLERANCE:.0%}"
+        else f"; at point {rate.fails_at} already it is off by more than {OPTIONS.prediction:.0%}"
     )

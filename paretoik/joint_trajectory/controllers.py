@@ -125,8 +125,8 @@ def find_controller(controller: str | Controller, arm: Arm) -> Controller:
     """
     if not isinstance(controller, Controller):
         if not isinstance(controller, str) or (controller not in FAMILIES and controller not in CONTROLLERS):
-            known = ", ".join((*FAMILIES, *CONTROLLERS))
-            raise InvalidInput(f"controller: one of {known}, or a pk.controllers.Controller wanted, got {controller!r}")
+            names = ", ".join((*FAMILIES, *CONTROLLERS))
+            raise InvalidInput(f"controller: one of {names}, or a pk.controllers.Controller wanted, got {controller!r}")
         controller = CONTROLLERS.get(controller) or _of_family(controller, arm)
     controller.check_arm(arm)
     return controller

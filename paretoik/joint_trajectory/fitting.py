@@ -5,12 +5,11 @@ from __future__ import annotations
 from paretoik.errors import Infeasible
 from paretoik.joint_trajectory.controller import Controller
 from paretoik.joint_trajectory.limit_check import LimitUse, limit_uses, unrest
+from paretoik.joint_trajectory.options import OPTIONS
 from paretoik.joint_trajectory.slow_down import ORDERS, slow_down
 from paretoik.joint_trajectory.time_scaling import TimeScaling, time_scaling
 from paretoik.joint_trajectory.trajectory import JointTrajectory, sample_motion
 from paretoik.task.motion import Motion
-
-RAMPS = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0)  # s: tried in turn, to say which is enough
 
 
 def fit_motion(
@@ -56,9 +55,9 @@ def _uses(motion: Motion, scaling: TimeScaling, controller: Controller) -> list[
 
 
 def _ramp_advice(motion: Motion, scaling: TimeScaling, controller: Controller) -> str:
-    for ramp in (ramp for ramp in RAMPS if scaling.ramp < ramp <= scaling.duration):
+    for ramp in (ramp for ramp in OPTIONS.ramps if scaling.ramp < ramp <= scaling.duration):
         ramped = time_scaling(scaling.duration, scaling.rate, time_scale=max(scaling.factor, 1.0), ramp=ramp)
         if not any(use.exceeded for use in _uses(motion, ramped, controller) if use.quantity in ORDERS):
             return f"ramp={ramp:g} (--ramp {ramp:g}) starts and stops it on the same curve, within the limits"
-    ramp = min(RAMPS[3], scaling.duration / 2)
+    ramp = min(OPTIONS.usual_ramp, scaling.duration / 2)
     return f"ramp={ramp:g} with slow_down=True (--ramp {ramp:g} --slow-down) starts and stops it on the same curve"

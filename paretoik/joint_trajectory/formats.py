@@ -34,15 +34,15 @@ def find_format(file: Path, name: str | None) -> Format:
 
     Raises InvalidInput for an unknown name or ending.
     """
-    known = ", ".join(FORMATS)
+    names = ", ".join(FORMATS)
     if name is None:
         if file.suffix not in ENDINGS:
-            raise InvalidInput(f"{file}: a format of {known}, or an ending of {', '.join(ENDINGS)} wanted, got neither")
+            raise InvalidInput(f"{file}: a format of {names}, or an ending of {', '.join(ENDINGS)} wanted, got neither")
         return ENDINGS[file.suffix]
     for each in FORMATS:
         if each == name:
             return each
-    raise InvalidInput(f"format: one of {known} wanted, got {name!r}")
+    raise InvalidInput(f"format: one of {names} wanted, got {name!r}")
 
 
 def write_trajectory(trajectory: JointTrajectory, file: Path, kind: Format) -> None:

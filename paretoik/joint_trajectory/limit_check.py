@@ -14,14 +14,11 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.joint_trajectory.controller import Controller
+from paretoik.joint_trajectory.options import OPTIONS
 from paretoik.joint_trajectory.trajectory import JointTrajectory
 from paretoik.robot import dynamics
 from paretoik.robot.arm import Arm
 
-# Of a limit, or where there is none of the motion's largest value: what is below at an end is at rest there. Jumps of
-# that size are what cubic splines leave of a law without acceleration at its ends; as differences they are checked too.
-REST_TOLERANCES = {"velocity": 1e-3, "acceleration": 1e-2}
-ROUNDING = 1e-9  # of a limit: what exceeds it by less keeps it
 UNITS = {
     "position": "rad",
     "velocity": "rad/s",
@@ -69,7 +66,7 @@ class LimitUse:
     @property
     def exceeded(self) -> bool:
         """Whether the value is beyond its limit by more than rounding."""
-        return self.use > 1 + ROUNDING
+        return self.use > 1 + OPTIONS.rounding
 
     def __str__(self) -> str:
         value, limit = (with_unit(number, self.quantity, self.prismatic) for number in (self.value, self.limit))
@@ -104,11 +101,11 @@ def limit_uses(trajectory: JointTrajectory, controller: Controller, arm: Arm) ->
 
 def unrest(trajectory: JointTrajectory, controller: Controller, arm: Arm) -> str | None:
     """Say which joint does not rest at an end where the controller wants it to, None where all do."""
-    kinds = [("velocity", trajectory.dq, controller.velocity)]
+    kinds = [("velocity", trajectory.dq, controller.velocity, OPTIONS.rest_velocity)]
     if controller.rest_acceleration:
-        kinds.append(("acceleration", trajectory.ddq, controller.acceleration))
-    for quantity, values, limit in kinds:
-        tolerance = REST_TOLERANCES[quantity] * np.where(np.isfinite(limit), limit, np.abs(values).max())
+        kinds.append(("acceleration", trajectory.ddq, controller.acceleration, OPTIONS.rest_acceleration))
+    for quantity, values, limit, share in kinds:
+        tolerance = share * np.where(np.isfinite(limit), limit, np.abs(values).max())
         for end, verb in ((0, "start"), (-1, "end")):
             excess = np.abs(values[end]) / np.maximum(tolerance, np.finfo(float).tiny)
             joint = int(np.argmax(excess))

@@ -11,10 +11,10 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from paretoik.joint_trajectory.limit_check import LimitUse
+from paretoik.joint_trajectory.options import OPTIONS
 from paretoik.joint_trajectory.time_scaling import TimeScaling
 
 ORDERS = {"velocity": 1, "acceleration": 2, "jerk": 3, "torque": 2, "torque rate": 3}
-MAX_FACTOR = 30.0  # what exceeds a limit when that much slower does so at rest too, as torques of gravity
 
 
 def slow_down(scaling: TimeScaling, measure: Callable[[TimeScaling], list[LimitUse]]) -> TimeScaling | None:
@@ -22,16 +22,16 @@ def slow_down(scaling: TimeScaling, measure: Callable[[TimeScaling], list[LimitU
 
     ``measure`` gives the uses of limits. Positions are no matter of time: they are not looked at.
     """
-    fails, passes, least = scaling.periods - 1, scaling.periods, 1.0
+    fails, passes, smallest = scaling.periods - 1, scaling.periods, 1.0
     while True:
         exceeded = [use for use in measure(replace(scaling, periods=passes)) if use.quantity in ORDERS and use.exceeded]
         if not exceeded:
             break
         fails = passes
         factor = max(use.use ** (1 / ORDERS[use.quantity]) for use in exceeded)
-        passes = max(passes + 1, math.ceil(passes * min(max(factor, least), 2.0)))
-        least += 0.1  # guesses that creep are no better than a search
-        if passes > MAX_FACTOR * scaling.periods:
+        passes = max(passes + 1, math.ceil(passes * min(max(factor, smallest), 2.0)))
+        smallest += 0.1  # guesses that creep are no better than a search
+        if passes > OPTIONS.slowest * scaling.periods:
             return None
     while passes - fails > 1:
         middle = (passes + fails) // 2

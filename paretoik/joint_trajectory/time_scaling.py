@@ -13,10 +13,7 @@ from jaxtyping import Float
 from paretoik.arrays import Times
 from paretoik.errors import InvalidInput
 from paretoik.inputs import finite_number, positive_number
-
-MAX_RATE = 1e6  # Hz: times in whole nanoseconds still differ, and stay even
-MAX_PERIODS = 1_000_000  # a quarter of an hour at 1 kHz, some gigabytes of work
-WHOLE_TOLERANCE = 1e-9  # of a period: a duration that is this near to whole periods has no part of one
+from paretoik.joint_trajectory.options import OPTIONS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,8 +67,8 @@ def time_scaling(duration: float, rate: float, *, time_scale: float = 1.0, ramp:
         raise InvalidInput(f"time_scale: 1 or more, to slow down, wanted, got {scale:g}; faster is another motion")
     if ramp != 0 and not 1 / rate <= ramp <= duration:
         raise InvalidInput(f"ramp: 0, or from one period to the motion's {duration:g} s wanted, got {ramp:g} s")
-    periods = np.ceil((duration + ramp) * scale * rate - WHOLE_TOLERANCE)
-    if rate > MAX_RATE or not 3 <= periods <= MAX_PERIODS:
-        wish = f"at most {MAX_RATE:g} Hz, and from 3 to {MAX_PERIODS} periods"
+    periods = np.ceil((duration + ramp) * scale * rate - OPTIONS.whole)
+    if rate > OPTIONS.rate or not 3 <= periods <= OPTIONS.periods:
+        wish = f"at most {OPTIONS.rate:g} Hz, and from 3 to {OPTIONS.periods} periods"
         raise InvalidInput(f"rate: {wish} wanted, got {rate:g} Hz for {(duration + ramp) * scale:g} s")
     return TimeScaling(duration=duration, periods=int(periods), rate=rate, ramp=ramp)

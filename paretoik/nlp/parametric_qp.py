@@ -266,6 +266,6 @@ class _System:
         if len(w):
             w = np.linalg.solve(self._border.T @ self._solved, self._border.T @ z - bottom)
             z = z - self._solved @ w
-        kept = [i for i, row in enumerate(self.base) if row not in self.dropped]
-        v = np.concatenate([z[self.size :][kept], w[len(self.dropped) :]])
+        remaining = [i for i, row in enumerate(self.base) if row not in self.dropped]
+        v = np.concatenate([z[self.size :][remaining], w[len(self.dropped) :]])
         return z[: self.size], -v

@@ -73,8 +73,8 @@ class Aim:
                 rows[i] -= identity[main]
                 upper[i] -= self.start[main] / self.ranges[main]
         scale = self.weights[list(wish.payers)].sum()
-        least = float(self.weights.min() / scale) if scale > 0 else 0.0
-        augmentation = min(OPTIONS.augmentation, OPTIONS.share * least)
+        smallest = float(self.weights.min() / scale) if scale > 0 else 0.0
+        augmentation = min(OPTIONS.augmentation, OPTIONS.share * smallest)
         return Goal(weights=identity[main] + augmentation * identity.sum(axis=0), rows=rows, upper=upper)
 
     @property

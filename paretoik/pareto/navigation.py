@@ -49,7 +49,7 @@ Between = Callable[[Point, Point, Float[np.ndarray, " shares"]], Float[np.ndarra
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Known:
+class FrontPoints:
     """The points of a front, and their objectives as the program has them."""
 
     x: Points
@@ -72,23 +72,23 @@ class Destination:
 
 
 def move(
-    program: Program, known: Known, start: int, aim: Aim, between: Between, *, solver: Solver = "auto"
+    program: Program, front: FrontPoints, start: int, aim: Aim, between: Between, *, solver: Solver = "auto"
 ) -> Destination | None:
     """Return where a move from a known point leads; None where nothing better in what is wished for was found."""
     goal = aim.at_share(1.0)
-    followed, neighbours = _follow(program, known.x[start], aim), _neighbours(known, start, aim)
+    followed, neighbours = _follow(program, front.x[start], aim), _neighbours(front, start, aim)
     arrived = followed is not None and followed.share >= 1.0
     candidates, starts = list[Point](), list[Point]()
     if followed is not None and arrived:
         candidates.append(followed.optimum.at.x)
-        starts += [known.x[i] for i in _rivals(program, known, candidates[0], neighbours, goal, between)]
+        starts += [front.x[i] for i in _rivals(program, front, candidates[0], neighbours, goal, between)]
     else:
-        starts += _starts(known, start, aim, followed, neighbours, between)
+        starts += _starts(front, start, aim, followed, neighbours, between)
     candidates += _solve(program, starts, goal, solver)
     best = _best(program, candidates, goal)
     if best is not None:
         is_followed = bool(candidates) and arrived and best is candidates[0]
-        jump = not is_followed and has_barrier(program, known.x[start], best, between, aim.ranges)
+        jump = not is_followed and has_barrier(program, front.x[start], best, between, aim.ranges)
         return Destination(x=best, share=1.0, followed=followed, arrived=is_followed, jump=jump)
     if followed is not None and followed.share >= OPTIONS.worthwhile:
         return Destination(x=followed.optimum.at.x, share=followed.share, followed=followed, arrived=True, jump=False)
@@ -124,42 +124,44 @@ def _follow(program: Program, x: Point, aim: Aim) -> Continuation | None:
     return None if optimum is None else follow(program, optimum, aim.at_share)
 
 
-def _neighbours(known: Known, start: int, aim: Aim) -> list[int]:
+def _neighbours(front: FrontPoints, start: int, aim: Aim) -> list[int]:
     """Return the known points that have what is wished for, nearest first: those that break other bounds least."""
     goal = aim.at_share(1.0)
-    excess = known.objectives @ goal.rows[:, : known.objectives.shape[1]].T - goal.upper
-    improved = known.objectives[:, aim.wish.improve] / aim.ranges[aim.wish.improve]
+    excess = front.objectives @ goal.rows[:, : front.objectives.shape[1]].T - goal.upper
+    improved = front.objectives[:, aim.wish.improve] / aim.ranges[aim.wish.improve]
     enough = improved <= aim.start[aim.wish.improve] / aim.ranges[aim.wish.improve] - aim.wish.by + OPTIONS.better
-    shares = (known.objectives - aim.start) / aim.ranges
+    shares = (front.objectives - aim.start) / aim.ranges
     order = np.lexsort((np.linalg.norm(shares, axis=1), np.maximum(excess, 0.0).max(axis=1)))
     return [int(i) for i in order if enough[i] and i != start][: OPTIONS.neighbours]
 
 
-def _rivals(program: Program, known: Known, x: Point, neighbours: list[int], goal: Goal, between: Between) -> list[int]:
+def _rivals(
+    program: Program, front: FrontPoints, x: Point, neighbours: list[int], goal: Goal, between: Between
+) -> list[int]:
     """Return the known points that may lead to something better than x: better ones, and those in other valleys."""
-    count = known.objectives.shape[1]
-    merit, merits = float(goal.weights @ program.evaluate(x)[0]), known.objectives @ goal.weights[:count]
-    feasible = (known.objectives @ goal.rows[:, :count].T <= goal.upper + OPTIONS.violation).all(axis=1)
+    count = front.objectives.shape[1]
+    merit, merits = float(goal.weights @ program.evaluate(x)[0]), front.objectives @ goal.weights[:count]
+    feasible = (front.objectives @ goal.rows[:, :count].T <= goal.upper + OPTIONS.violation).all(axis=1)
     better = np.flatnonzero(feasible & (merits < merit + OPTIONS.better))
     if len(better):
         return [int(better[np.argmin(merits[better])])]
-    ranges = np.ptp(known.objectives, axis=0)
-    return [i for i in neighbours if has_barrier(program, x, known.x[i], between, ranges)]
+    ranges = np.ptp(front.objectives, axis=0)
+    return [i for i in neighbours if has_barrier(program, x, front.x[i], between, ranges)]
 
 
 def _starts(
-    known: Known, start: int, aim: Aim, followed: Continuation | None, neighbours: list[int], between: Between
+    front: FrontPoints, start: int, aim: Aim, followed: Continuation | None, neighbours: list[int], between: Between
 ) -> list[Point]:
     """Return the points to solve from: where the branch ended, the start, neighbours, and points on the way there."""
-    starts = [known.x[start]]
+    starts = [front.x[start]]
     if followed is not None and 0.0 < followed.share < 1.0:
         starts.insert(0, followed.optimum.at.x)
-    wish, values = aim.wish, known.objectives[:, aim.wish.improve]
+    wish, values = aim.wish, front.objectives[:, aim.wish.improve]
     for i in neighbours:
-        starts.append(known.x[i])
+        starts.append(front.x[i])
         share = wish.by * aim.ranges[wish.improve] / max(float(values[start] - values[i]), 1e-300)
         if share < 1.0:
-            starts += list(between(known.x[start], known.x[i], np.array([share])))
+            starts += list(between(front.x[start], front.x[i], np.array([share])))
     return starts
 
 
@@ -179,13 +181,13 @@ def _solve(program: Program, points: Sequence[Point], goal: Goal, solver: Solver
 
 def _best(program: Program, candidates: list[Point], goal: Goal) -> Point | None:
     """Return the candidate with the least merit among those within all limits and bounds; the first on a tie."""
-    best, least = None, np.inf
+    best, lowest = None, np.inf
     for x in candidates:
         F, equalities, inequalities = program.evaluate(x)
         violation = violation_of(program, F, equalities, inequalities, goal.rows, goal.upper)
         merit = float(goal.weights @ F)
-        if violation <= OPTIONS.violation and merit < least - OPTIONS.better:
-            best, least = x, merit
+        if violation <= OPTIONS.violation and merit < lowest - OPTIONS.better:
+            best, lowest = x, merit
     return best
 
 

@@ -14,10 +14,10 @@ import rerun as rr
 from jaxtyping import Float
 from rerun.urdf import UrdfJoint, UrdfTree
 
+from paretoik.review.drawing_options import DRAWING
 from paretoik.robot.arm import Arm
 from paretoik.robot.pose import Pose
 
-LARGEST = 40e6  # bytes of all meshes together, since a recording holds them whole
 PACKAGE_PATHS = ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")
 PACKAGE = "package://"
 
@@ -88,7 +88,7 @@ def find_meshes(arm: Arm, root: str) -> ArmMeshes | None:
             return None
         size += file.stat().st_size
         mesh.set("filename", str(file))
-    if not meshes or size > LARGEST:
+    if not meshes or size > DRAWING.mesh_bytes:
         return None
     with tempfile.TemporaryDirectory() as folder:  # Rerun finds packages by the environment alone
         resolved = Path(folder) / arm.source.name

@@ -16,12 +16,12 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from paretoik.arrays import Series, Times, Values
+from paretoik.review.drawing_options import DRAWING
 from paretoik.review.drawn_axes import TEXT, Canvas, labels, text_width, tick_text, window
 from paretoik.review.palette import SCREEN, Colour
 from paretoik.review.screen_text import screen_text
 
 TOTAL = (600.0, 236.0)  # width and height of a chart with its margins [pixels]
-FARTHEST_LIMIT = 2.5  # ranges of the curves that a limit may lie off and still be in the picture
 DASH = 7.0  # pixels
 
 
@@ -122,7 +122,7 @@ class Chart:
     def _with_limits(self, points: np.ndarray) -> np.ndarray:
         """Return points and those of limits that are not too far from them."""
         low, high = points[:, 1].min(), points[:, 1].max()
-        reach = FARTHEST_LIMIT * max(high - low, 1e-9, 0.2 * max(abs(low), abs(high)))
+        reach = DRAWING.limit_distance * max(high - low, 1e-9, 0.2 * max(abs(low), abs(high)))
         values = np.concatenate([points[:, 1], *(limit.values for limit in self.limits)])
         near = values[np.isfinite(values) & (values >= low - reach) & (values <= high + reach)]
         return np.stack([np.resize(points[:, 0], len(near)), near], axis=1)

@@ -172,9 +172,9 @@ def equal_window(points: np.ndarray, *, width: float, height: float) -> tuple[Va
     return (low + high) / 2 - half, (low + high) / 2 + half
 
 
-def fitting_ticks(low: float, high: float, *, room: float, size: Callable[[float], float], most: int = 6) -> Values:
+def fitting_ticks(low: float, high: float, *, room: float, size: Callable[[float], float], largest: int = 6) -> Values:
     """Return round ticks inside [low, high] whose labels, ``size(tick)`` pixels each, all fit into ``room``."""
-    for count in range(most, 1, -1):
+    for count in range(largest, 1, -1):
         ticks = nice_ticks(low, high, count=count)
         if len(ticks) < 2 or max(map(size, ticks)) + 0.8 * TEXT.line <= room * (ticks[1] - ticks[0]) / (high - low):
             return ticks

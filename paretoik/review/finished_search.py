@@ -13,6 +13,7 @@ import rerun.blueprint as rrb
 from paretoik.arrays import Objectives
 from paretoik.front.front import Front
 from paretoik.review.curve_charts import Chart
+from paretoik.review.drawing_options import DRAWING
 from paretoik.review.drawn_axes import Canvas
 from paretoik.review.joint_charts import posture_chart
 from paretoik.review.legend import Legend
@@ -27,8 +28,6 @@ from paretoik.review.recording_layout import TEXT, Layout, note_view, text_view
 from paretoik.review.replay_clock import ReplayClock, has_motions, replay_times
 from paretoik.review.search_charts import DrawnChart, log_series, search_charts
 from paretoik.review.search_scene import SearchScene, replay_window
-
-MOST_POINTS = 60  # of the front, on the timeline that walks along it
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -173,7 +172,7 @@ class FinishedSearch:
         front, choice = self.end.front, self.end.choice
         if front is None or not len(front):
             return []
-        rows = set(np.linspace(0, len(front) - 1, min(len(front), MOST_POINTS)).round().astype(int).tolist())
+        rows = set(np.linspace(0, len(front) - 1, min(len(front), DRAWING.walk)).round().astype(int).tolist())
         rows |= set() if choice is None else {choice.index}
         return [front_point(front, row) for row in sorted(rows)]
 

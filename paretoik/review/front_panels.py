@@ -10,10 +10,10 @@ import numpy as np
 import rerun.blueprint as rrb
 
 from paretoik.arrays import Objectives, Values
+from paretoik.review.drawing_options import DRAWING
 from paretoik.review.drawn_axes import TEXT, Canvas, window
 from paretoik.review.palette import SCREEN
 
-MATRIX = 5  # objectives up to which every pair has a panel; beyond, neighbours have
 VIEW = (600.0, 500.0)  # of the whole view [pixels]
 Pair = tuple[int, int]
 
@@ -28,7 +28,7 @@ class Panels:
     def pairs(self) -> list[Pair]:
         """All pairs up to five objectives, neighbours beyond; none of one."""
         n_obj = len(self.labels)
-        return list(combinations(range(n_obj), 2) if n_obj <= MATRIX else pairwise(range(n_obj)))
+        return list(combinations(range(n_obj), 2) if n_obj <= DRAWING.matrix else pairwise(range(n_obj)))
 
     def canvases(self, shown: Objectives) -> list[Canvas]:
         """Return a canvas a pair whose windows hold `shown`, none where it has no finite point."""
@@ -53,7 +53,7 @@ class Panels:
 
     def _canvas(self, number: int, low: Values, high: Values) -> Canvas:
         first, second = self.pairs[number]
-        matrix = len(self.labels) <= MATRIX
+        matrix = len(self.labels) <= DRAWING.matrix
         count = len(self.labels) - 1
         columns = count if matrix else int(np.ceil(np.sqrt(count)))
         rows = count if matrix else int(np.ceil(count / columns))
@@ -78,7 +78,7 @@ class Panels:
     def _stagger(self) -> float:
         """How far every second label below is moved down, where neighbours would overlap."""
         count = len(self.labels) - 1
-        if not 1 < count < MATRIX:
+        if not 1 < count < DRAWING.matrix:
             return 0.0
         room = VIEW[0] / count
         return TEXT.line if TEXT.character * max(map(len, self.labels)) > room - 10.0 else 0.0

@@ -11,12 +11,11 @@ from jaxtyping import Float
 from scipy.spatial import ConvexHull
 
 from paretoik.arrays import Vector3
+from paretoik.review.drawing_options import DRAWING
 from paretoik.review.palette import SCREEN
 from paretoik.task.distances import signed_distance
 from paretoik.task.obstacles import Box, Capsule, Circle, Obstacle, Sphere
 
-OUTLINE_CORNERS = 96
-SECTION_GRID = 160  # points along either side of the grid that finds where a body meets the plane
 Outline = Float[np.ndarray, "corners 2"]
 
 
@@ -106,7 +105,7 @@ def extent(obstacle: Obstacle) -> Float[np.ndarray, "corners 3"]:
 
 
 def _disc(center: np.ndarray, radius: float) -> Outline:
-    angle = np.linspace(0.0, 2 * np.pi, OUTLINE_CORNERS, endpoint=False)
+    angle = np.linspace(0.0, 2 * np.pi, DRAWING.corners, endpoint=False)
     circle: Outline = center + radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     return circle if radius > 0 else np.zeros((0, 2))
 
@@ -116,12 +115,12 @@ def _section(obstacle: Obstacle) -> Outline:
     low, high = extent(obstacle).min(axis=0)[:2], extent(obstacle).max(axis=0)[:2]
     inside = np.zeros((0, 2))
     for _ in range(2):  # once to find it, once to see it sharply
-        x, y = (np.linspace(low[i], high[i], SECTION_GRID) for i in range(2))
+        x, y = (np.linspace(low[i], high[i], DRAWING.section) for i in range(2))
         grid = np.stack([*np.meshgrid(x, y), np.zeros((len(y), len(x)))], axis=-1).reshape(-1, 3)
         inside = grid[signed_distance(obstacle, grid, grid) <= 0, :2]
         if len(inside) < 3 or not np.ptp(inside, axis=0).all():
             return np.zeros((0, 2))
-        step = (high - low) / (SECTION_GRID - 1)
+        step = (high - low) / (DRAWING.section - 1)
         low, high = inside.min(axis=0) - step, inside.max(axis=0) + step
     return np.asarray(inside[ConvexHull(inside).vertices])
 

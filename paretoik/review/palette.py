@@ -72,14 +72,6 @@ class RecordingPalette:
     obstacle: Colour = (205, 92, 92, 255)
     obstacle_body: Colour = (205, 92, 92, 110)
     limit: Colour = (225, 95, 95, 255)
-    ends: tuple[Colour, ...] = (
-        (110, 160, 255, 255),
-        (240, 110, 140, 255),
-        (190, 140, 255, 255),
-        (160, 210, 90, 255),
-        (230, 215, 120, 255),
-        (140, 200, 230, 255),
-    )
     joints: tuple[Colour, ...] = (
         (255, 178, 62, 255),
         (70, 225, 190, 255),
@@ -90,6 +82,7 @@ class RecordingPalette:
         (230, 215, 120, 255),
         (140, 200, 230, 255),
     )
+    ends: tuple[Colour, ...] = joints[2:]
     ghosts: int = 9
 
     def end(self, axis: int) -> Colour:

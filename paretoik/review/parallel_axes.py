@@ -11,10 +11,9 @@ import rerun.blueprint as rrb
 
 from paretoik.arrays import Objectives, Values
 from paretoik.review.curve_charts import TOTAL
+from paretoik.review.drawing_options import DRAWING
 from paretoik.review.drawn_axes import TEXT, fitting_ticks, labels, text_width, tick_text
 from paretoik.review.palette import SCREEN, Colour
-
-MOST_LINES = 200  # of a front; more are a grey area
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -46,7 +45,7 @@ class ParallelAxes:
         strips, words, places = list[np.ndarray](), list[str](), list[tuple[float, float]]()
         for axis, (x, low, high) in enumerate(zip(self._x, self.low, self.high, strict=True)):
             strips.append(np.array([(x, 0.0), (x, self._height)]))
-            ticks = fitting_ticks(low, high, room=self._height, size=lambda _: 0.6 * TEXT.line, most=5)
+            ticks = fitting_ticks(low, high, room=self._height, size=lambda _: 0.6 * TEXT.line, largest=5)
             for tick in ticks:
                 y = float(self._upwards(np.array(tick), low, high))
                 strips.append(np.array([(x - 4.0, y), (x + 4.0, y)]))
@@ -64,7 +63,11 @@ class ParallelAxes:
         """Return a line a point of F (points, n_obj), evenly picked ones of many."""
         finite = F[np.isfinite(F).all(axis=1)]
         inside = finite[((finite >= self.low) & (finite <= self.high)).all(axis=1)]
-        rows: Any = np.unique(np.linspace(0, len(inside) - 1, MOST_LINES).round().astype(int)) if len(inside) else []
+        rows: Any = (
+            np.unique(np.linspace(0, len(inside) - 1, DRAWING.parallel_lines).round().astype(int))
+            if len(inside)
+            else []
+        )
         heights = self._upwards(inside[rows], self.low, self.high)
         strips = [np.stack([self._x, each], axis=1) for each in heights]
         return rr.LineStrips2D(strips, colors=colour, radii=rr.Radius.ui_points(radius), draw_order=order)

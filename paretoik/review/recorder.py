@@ -29,12 +29,11 @@ from paretoik.arrays import Ids, Objectives, Values
 from paretoik.formulations.protocol import Timeline
 from paretoik.front.front import Choice, Front
 from paretoik.review.recorded_point import RecordedPoint
-from paretoik.review.recording_process import Opening, RecorderOptions, RecordingProcess, cause_of, part_of
+from paretoik.review.recording_process import OPTIONS, Opening, RecorderOptions, RecordingProcess, cause_of, part_of
 from paretoik.review.workcell import Workcell
 from paretoik.robot.arm import Arm
 
 Population: TypeAlias = Float[np.ndarray, "individuals n_obj"]
-OPTIONS = RecorderOptions()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

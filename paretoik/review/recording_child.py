@@ -17,13 +17,10 @@ from collections.abc import Iterator
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
-from paretoik.review.recording_process import HEADER, cause_of
+from paretoik.review.recording_process import HEADER, OPTIONS, cause_of
 
 if TYPE_CHECKING:  # Rerun may be missing, which the parent wants to be told
     from paretoik.review.recording_file import RecordingFile
-
-NICENESS = 5  # the run comes first
-TICK = 0.25  # s: how often to look after the parent, the viewer, and what is not yet written
 
 
 class Parent:
@@ -45,7 +42,7 @@ class Parent:
                 del part[: HEADER + length]
                 yield pickle.loads(content)
                 continue
-            if not select.select([self._input], [], [], TICK)[0]:
+            if not select.select([self._input], [], [], OPTIONS.tick)[0]:
                 yield None
                 if os.getppid() != self._process:  # where a fork of the parent holds its end of the pipe
                     return
@@ -63,7 +60,7 @@ class Parent:
 
     def beat(self) -> None:
         """Let the parent know now and then that work goes on."""
-        if time.monotonic() - self._told > 4 * TICK:
+        if time.monotonic() - self._told > 4 * OPTIONS.tick:
             self.tell()
 
 
@@ -72,7 +69,7 @@ def main() -> None:
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):  # the run decides; it may want to finish the file
         signal.signal(number, signal.SIG_IGN)
     with suppress(OSError):
-        os.nice(NICENESS)
+        os.nice(OPTIONS.niceness)
     parent = Parent()
     try:
         _record(parent)

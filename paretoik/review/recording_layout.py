@@ -8,13 +8,13 @@ from dataclasses import dataclass, field
 import rerun.blueprint as rrb
 
 from paretoik.review.curve_charts import TOTAL
+from paretoik.review.drawing_options import DRAWING
 from paretoik.review.front_panels import VIEW
 from paretoik.review.legend import Legend
 
 TEXT = "text"  # entity of what is said of the point shown
 TITLE = 24.0  # height of a view's title [pixels]
 BODY = 830.0  # height of everything below the viewer's own bars [pixels]
-FPS = 6.0  # generations or steps a second
 WIDTHS = (600.0, 600.0, 400.0)
 
 
@@ -65,13 +65,13 @@ class Layout:
 
     def _time_panel(self) -> rrb.TimePanel:
         if self.start is None:
-            return rrb.TimePanel(timeline=self.timeline, state="collapsed", fps=FPS)
+            return rrb.TimePanel(timeline=self.timeline, state="collapsed", fps=DRAWING.frames)
         # A viewer begins at the start of what it loops over.
         selection = rrb.components.AbsoluteTimeRange(min=self.start, max=max(self.end, self.start + 1))
         return rrb.TimePanel(
             timeline=self.timeline,
             state="collapsed",
-            fps=FPS,
+            fps=DRAWING.frames,
             play_state="playing",
             loop_mode="selection",
             time_selection=selection,
@@ -106,7 +106,7 @@ def choice_blueprint(
         rrb.Tabs(body, recorded),
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),
-        rrb.TimePanel(timeline="motion", state="collapsed", fps=FPS),
+        rrb.TimePanel(timeline="motion", state="collapsed", fps=DRAWING.frames),
         auto_views=False,
     )
 

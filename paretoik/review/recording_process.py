@@ -37,7 +37,8 @@ class RecorderOptions:
     messages without an answer; a full or hanging disk is noticed by that. ``queue`` is how many bytes may wait for the
     child and ``pipe`` how many of them in the kernel. Above ``size`` bytes of the file every second message of a series
     is dropped, and at its end ``reserve`` bytes stay free on the disk: on a full one Rerun may hang. Of a front at most
-    ``points`` are drawn. What was recorded is written at least every ``flush`` [s].
+    ``points`` are drawn. What was recorded is written at least every ``flush`` [s]. Every ``tick`` [s] the child looks
+    after its parent, the viewer, and what is not yet written; the run comes first by so much ``niceness``.
     """
 
     start: float = 60.0
@@ -48,6 +49,11 @@ class RecorderOptions:
     reserve: int = 2_000_000
     points: int = 400
     flush: float = 0.5
+    tick: float = 0.25
+    niceness: int = 5
+
+
+OPTIONS = RecorderOptions()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -164,7 +170,7 @@ class RecordingProcess:
         The newest stays, and what is on its way already.
         """
         self.stride = max(self.stride, stride)
-        kept = [
+        remaining = [
             frame
             for place, frame in enumerate(self._queue)
             if frame.number is None
@@ -172,8 +178,8 @@ class RecordingProcess:
             or place == len(self._queue) - 1
             or (place == 0 and self._offset)
         ]
-        dropped = len(self._queue) - len(kept)
-        self._queue = deque(kept)
+        dropped = len(self._queue) - len(remaining)
+        self._queue = deque(remaining)
         self._sent -= dropped
         return dropped > 0
 

@@ -18,7 +18,7 @@ class ReplayOptions:
 
     moving: float = 1.0
     standing: float = 0.1
-    most: int = 60
+    generations: int = 60
     samples: int = 41
 
 
@@ -37,7 +37,9 @@ class ReplayClock:
     def of(generations: Sequence[Generation]) -> ReplayClock:
         """Return the clock of generations: those that move are spread evenly over those that have motions."""
         able = [i for i, each in enumerate(generations) if has_motions(each.points)]
-        picked = np.unique(np.linspace(0, max(len(able) - 1, 0), min(len(able), OPTIONS.most)).round().astype(int))
+        picked = np.unique(
+            np.linspace(0, max(len(able) - 1, 0), min(len(able), OPTIONS.generations)).round().astype(int)
+        )
         moving = frozenset(able[i] for i in picked)
         lengths = [OPTIONS.moving if i in moving else OPTIONS.standing for i in range(len(generations))]
         ends = np.cumsum([0.0, *lengths])

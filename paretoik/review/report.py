@@ -69,8 +69,8 @@ class Report:
         empty = self._render(rows, data, blocks={})
         if moving is None:
             return empty
-        kept = moving.blocks(rows.tolist(), self.options.size - len(empty.encode()) - 2_000)
-        return self._render(rows, data, blocks=kept)
+        blocks = moving.blocks(rows.tolist(), self.options.size - len(empty.encode()) - 2_000)
+        return self._render(rows, data, blocks=blocks)
 
     def _rows(self) -> np.ndarray:
         """Return the rows of the points of the page, the most telling first, then evenly over the front."""

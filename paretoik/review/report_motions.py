@@ -83,14 +83,14 @@ class ReportMotions:
 
     def blocks(self, rows: Iterable[int], room: int) -> dict[int, str]:
         """Return the blocks of as many ``rows``, in turn, as fit in so many bytes, by row."""
-        kept: dict[int, str] = {}
+        blocks: dict[int, str] = {}
         for row in rows:
             block = self.block(int(row))
             room -= len(block) + 16  # and the id, quotes and commas around it
             if room < 0:
                 break
-            kept[int(row)] = block
-        return kept
+            blocks[int(row)] = block
+        return blocks
 
     def description(self) -> dict[str, Any]:
         """Return what the page must know to draw blocks: joints, quantities, limits, arm, path and obstacles."""

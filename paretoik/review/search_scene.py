@@ -14,6 +14,7 @@ from jaxtyping import Float
 
 from paretoik.arrays import Ids, Objectives, Values
 from paretoik.formulations.protocol import Timeline
+from paretoik.review.drawing_options import DRAWING
 from paretoik.review.drawn_axes import Canvas
 from paretoik.review.front_panels import Pair, Panels
 from paretoik.review.palette import SCREEN, Colour, screen_label
@@ -32,7 +33,6 @@ LAYERS: dict[Layer, tuple[Colour, float, float]] = {  # colour, radius, which is
     "choice": (SCREEN.chosen, 6.5, 4.0),
     "compared": (SCREEN.compared, 6.5, 3.5),
 }
-PARALLEL_FROM = 3  # objectives
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,7 +84,7 @@ class SearchScene:
     def parallel_axes(self, shown: Objectives) -> ParallelAxes | None:
         """Return axes for parallel coordinates, from three objectives on."""
         shown = shown[np.isfinite(shown).all(axis=1)]
-        if len(self.names) < PARALLEL_FROM or not len(shown):
+        if len(self.names) < DRAWING.parallel or not len(shown):
             return None
         if self.timeline == "step":
             shown = np.array([[0.0], [1.0]]) * np.ones(len(self.names))

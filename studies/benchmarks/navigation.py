@@ -22,7 +22,7 @@ from paretoik.errors import Infeasible
 from paretoik.formulations.navigation import natural_weights
 from paretoik.formulations.protocol import Differentiable
 from paretoik.pareto.goals import Aim, Wish
-from paretoik.pareto.navigation import Known, reach
+from paretoik.pareto.navigation import FrontPoints, reach
 from problems import kim_2021, panda, tringali_2020
 from studies.benchmarks.fronts.cases import trade_off_maker
 from studies.benchmarks.fronts.programs import JointProgram, joint_program
@@ -88,16 +88,16 @@ def try_move(
 ) -> None:
     """Move, and write down what came of it, beside what others find."""
     formulation: Differentiable = front.problem
-    program, known = formulation.program(), Known(x=formulation.front_points(front), objectives=front.minimised)
+    program, points = formulation.program(), FrontPoints(x=formulation.front_points(front), objectives=front.minimised)
     goal, wish, widths = aim.at_share(1.0), aim.wish, aim.ranges
     payer, names = wish.payers[0], front.names
-    values = [program.evaluate(x)[0][payer] for one in known.x if (x := reach(program, one, goal)) is not None]
+    values = [program.evaluate(x)[0][payer] for one in points.x if (x := reach(program, one, goal)) is not None]
     for start in ("warm", "cold") if peer is not None else ():
         assert peer is not None
         ceilings = aim.start.copy()
         ceilings[wish.improve] -= wish.by * widths[wish.improve]
         ceilings[payer] = np.inf
-        q = known.x[row if start == "warm" else int(rng.integers(len(front)))]
+        q = points.x[row if start == "warm" else int(rng.integers(len(front)))]
         began = time.process_time()
         motion, _ = peer.solve(q, payer, ceilings, widths, warm=start == "warm")
         to.peer_seconds[start].append(time.process_time() - began)

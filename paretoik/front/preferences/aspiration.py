@@ -10,12 +10,12 @@ from jaxtyping import Bool
 
 from paretoik.arrays import Values
 from paretoik.errors import InvalidInput
-from paretoik.front.compromise import AUGMENTATION
 from paretoik.front.front import Choice, Front
+from paretoik.front.preference_options import OPTIONS
 from paretoik.front.preferences.named_numbers import named_numbers, named_text
 from paretoik.front.reason import list_words, percent, quantity
 from paretoik.front.subset import check_known
-from paretoik.front.ties import ROUNDING, first_row
+from paretoik.front.ties import first_row
 
 
 @dataclass(frozen=True, init=False, eq=False)
@@ -50,7 +50,7 @@ class Aspiration:
         wishes = np.full(len(front.names), np.nan)
         wishes[axes] = list(self.values.values())
         excess = front.shares[:, axes] - _shares(front, wishes)[axes]
-        score = excess.max(axis=1) + AUGMENTATION * (
+        score = excess.max(axis=1) + OPTIONS.augmentation * (
             excess.sum(axis=1) + np.delete(front.shares, axes, axis=1).sum(axis=1)
         )
         row = first_row(front, score)
@@ -82,7 +82,9 @@ def _shares(front: Front, wishes: Values) -> Values:
 
 def _meets(front: Front, wishes: Values) -> Bool[np.ndarray, "points n_obj"]:
     """Say which wishes which points meet, rounding aside."""
-    missed = front.minimised - np.where(front.maximised, -wishes, wishes) > ROUNDING * np.ptp(front.ranges, axis=1)
+    missed = front.minimised - np.where(front.maximised, -wishes, wishes) > OPTIONS.rounding * np.ptp(
+        front.ranges, axis=1
+    )
     return np.asarray(~missed)
 
 
@@ -91,7 +93,7 @@ def _verdict(
 ) -> str:
     words = list_words([_wish_in_words(front, name, value) for name, value in wishes.items()])
     point, worst = f"of {len(front)} points point {front.ids[row]}", list(wishes)[int(excess.argmax())]
-    if not misses and excess.max() > -ROUNDING:
+    if not misses and excess.max() > -OPTIONS.rounding:
         return f"The wish, {words}, is just within reach: {point} meets it and betters it nowhere."
     if not misses:
         return (

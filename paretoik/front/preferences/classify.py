@@ -10,13 +10,13 @@ import numpy as np
 
 from paretoik.arrays import Mask, Values
 from paretoik.errors import InvalidInput
-from paretoik.front.compromise import AUGMENTATION
 from paretoik.front.explanation import compare
 from paretoik.front.front import Choice, Front
+from paretoik.front.preference_options import OPTIONS
 from paretoik.front.preferences.named_numbers import named_numbers
 from paretoik.front.reason import amounts_in_words, list_words
 from paretoik.front.subset import check_known, row_of
-from paretoik.front.ties import ROUNDING, first_row
+from paretoik.front.ties import first_row
 
 
 @dataclass(frozen=True, init=False, eq=False)
@@ -121,19 +121,19 @@ class Classify:
                 limits[axis] = np.inf
             elif name in self.relax_to:
                 limits[axis] = _minimised(front, axis, self.relax_to[name])
-        within: Mask = (front.minimised <= limits + ROUNDING * np.ptp(front.ranges, axis=1)).all(axis=1)
+        within: Mask = (front.minimised <= limits + OPTIONS.rounding * np.ptp(front.ranges, axis=1)).all(axis=1)
         return within
 
     def _scores(self, front: Front) -> Values:
         width = np.ptp(front.ranges, axis=1)
-        wanted = []
+        shares_lost = []
         for name in (*self.improve, *self.improve_to):
             axis = front.names.index(name)
             share = front.shares[:, axis]
             if name in self.improve_to and width[axis] > 0:
                 share = (front.minimised[:, axis] - _minimised(front, axis, self.improve_to[name])) / width[axis]
-            wanted.append(share)
-        scores: Values = np.max(wanted, axis=0) + AUGMENTATION * front.shares.sum(axis=1)
+            shares_lost.append(share)
+        scores: Values = np.max(shares_lost, axis=0) + OPTIONS.augmentation * front.shares.sum(axis=1)
         return scores
 
     def _in_words(self, front: Front) -> str:

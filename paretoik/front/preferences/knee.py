@@ -9,8 +9,9 @@ import numpy as np
 from paretoik.arrays import Values
 from paretoik.errors import InvalidInput
 from paretoik.front.front import Choice, Front
+from paretoik.front.preference_options import OPTIONS
 from paretoik.front.reason import percent, subject
-from paretoik.front.ties import ROUNDING, first_row
+from paretoik.front.ties import first_row
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,7 +32,7 @@ class Knee:
         """Return the knee; raises InvalidInput where there is none."""
         if len(front.names) == 1:
             raise InvalidInput("knee: wanted two objectives or more, got one, whose best point is the answer")
-        if (np.ptp(front.shares, axis=0) <= ROUNDING).all():
+        if (np.ptp(front.shares, axis=0) <= OPTIONS.rounding).all():
             row = first_row(front, np.zeros(len(front)))
             return front.choice(row, f"{subject(front, row)} is as good as any: all are equal.", preference=self)
         return self._below_line(front) if len(front.names) == 2 else self._least_trade_off(front)
@@ -39,7 +40,7 @@ class Knee:
     def _below_line(self, front: Front) -> Choice:
         depths = _depths(front)
         row = first_row(front, -depths)
-        if depths[row] <= ROUNDING:
+        if depths[row] <= OPTIONS.rounding:
             raise InvalidInput(
                 f"knee: wanted a point below the straight line between the ends, got none among {len(front)}: "
                 "no knee; Compromise or Aspiration choose on such a front"
@@ -58,7 +59,7 @@ class Knee:
     def _least_trade_off(self, front: Front) -> Choice:
         ratios, others = _least_trade_offs(front)
         row = first_row(front, -ratios)
-        if ratios[row] <= 1.0 + ROUNDING:
+        if ratios[row] <= 1.0 + OPTIONS.rounding:
             raise InvalidInput(
                 "knee: wanted a point from which every exchange costs more than it gains, got none among "
                 f"{len(front)}: no knee; Compromise or Aspiration choose on such a front"
@@ -87,7 +88,7 @@ def _least_trade_offs(front: Front) -> tuple[Values, np.ndarray]:
     shares = front.shares
     ratios, others = np.empty(len(front)), np.empty(len(front), dtype=np.int64)
     for row, point in enumerate(shares):
-        steps = np.where(np.abs(shares - point) > ROUNDING, shares - point, 0.0)
+        steps = np.where(np.abs(shares - point) > OPTIONS.rounding, shares - point, 0.0)
         costs, gains = np.maximum(steps, 0.0).sum(axis=1), np.maximum(-steps, 0.0).sum(axis=1)
         ratio = np.full(len(front), np.inf)
         np.divide(costs, gains, out=ratio, where=gains > 0)

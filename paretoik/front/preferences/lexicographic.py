@@ -10,9 +10,10 @@ import numpy as np
 
 from paretoik.errors import InvalidInput
 from paretoik.front.front import Choice, Front
+from paretoik.front.preference_options import OPTIONS
 from paretoik.front.preferences.named_numbers import named_numbers
 from paretoik.front.subset import check_known
-from paretoik.front.ties import ROUNDING, first_row
+from paretoik.front.ties import first_row
 
 
 @dataclass(frozen=True, init=False, eq=False)
@@ -49,7 +50,7 @@ class Lexicographic:
             raise InvalidInput(f"lexicographic: wanted each objective once, got {twice[0]} twice")
         amounts, shares = (
             named_numbers(
-                "lexicographic", each, {}, accept=lambda size: 0.0 <= size < np.inf, wanted="a tolerance >= 0"
+                "lexicographic", each, {}, accept=lambda size: 0.0 <= size < np.inf, requirement="a tolerance >= 0"
             )
             for each in (tolerances, tolerance_shares)
         )
@@ -81,7 +82,7 @@ class Lexicographic:
             width = float(np.ptp(front.ranges[axis]))
             tolerance = self.tolerances.get(name, self.tolerance_shares.get(name, 0.0) * width)
             best = float(front.minimised[among, axis].min())
-            among &= front.minimised[:, axis] <= best + tolerance + ROUNDING * width
+            among &= front.minimised[:, axis] <= best + tolerance + OPTIONS.rounding * width
             remaining[name] = int(among.sum())
             words.append(_step_in_words(front, axis, best, tolerance, remaining[name]))
         row = first_row(front, np.zeros(len(front)), among)

@@ -18,7 +18,7 @@ def named_numbers(
     keywords: Mapping[str, float],
     *,
     accept: Callable[[float], bool] = np.isfinite,
-    wanted: str = "a finite number",
+    requirement: str = "a finite number",
 ) -> Mapping[str, float]:
     """Return numbers by objective, read-only; raises InvalidInput for what is none, and names that come twice."""
     if not isinstance(mapping, Mapping | None):
@@ -30,7 +30,7 @@ def named_numbers(
     merged.update(keywords)
     for name, value in merged.items():
         if not _is_number(value) or not accept(float(value)):
-            raise InvalidInput(f"{kind}: wanted {wanted} for {name}, got {reprlib.repr(value)}")
+            raise InvalidInput(f"{kind}: wanted {requirement} for {name}, got {reprlib.repr(value)}")
     return MappingProxyType({name: float(value) for name, value in merged.items()})
 
 

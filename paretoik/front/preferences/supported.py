@@ -6,8 +6,7 @@ import numpy as np
 
 from paretoik.arrays import Mask
 from paretoik.front.front import Front
-
-HULL_TOLERANCE = 1e-6  # share of the ranges by which a point must lie above the hull to count as beyond reach
+from paretoik.front.preference_options import OPTIONS
 
 
 def reached_by_weights(front: Front) -> Mask:
@@ -22,5 +21,5 @@ def reached_by_weights(front: Front) -> Mask:
     shares, (points, size) = front.shares, front.shares.shape
     matrix = np.zeros((size + 1, points + size))
     matrix[:size, :points], matrix[:size, points:], matrix[size, :points] = shares.T, np.eye(size), 1.0
-    residuals = [nnls(matrix, np.append(point - HULL_TOLERANCE, 1.0))[1] for point in shares]
-    return np.array(residuals) > 0.1 * HULL_TOLERANCE
+    residuals = [nnls(matrix, np.append(point - OPTIONS.hull, 1.0))[1] for point in shares]
+    return np.array(residuals) > 0.1 * OPTIONS.hull

@@ -63,7 +63,7 @@ class Weights:
 def check_weights(kind: str, mapping: Mapping[str, float] | None, keywords: Mapping[str, float]) -> Mapping[str, float]:
     """Return weights by objective; raises InvalidInput unless all are at least 0 and one is positive."""
     weights = named_numbers(
-        kind, mapping, keywords, accept=lambda weight: 0.0 <= weight < np.inf, wanted="a finite number >= 0"
+        kind, mapping, keywords, accept=lambda weight: 0.0 <= weight < np.inf, requirement="a finite number >= 0"
     )
     if not any(weights.values()):
         raise InvalidInput(f"{kind}: wanted at least one above zero, got {dict(weights)}")

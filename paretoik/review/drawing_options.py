@@ -1,0 +1,32 @@
+"""How much is drawn of what: sizes and bounds of drawings in recordings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class DrawingOptions:
+    """Bounds of what a recording draws.
+
+    Up to ``matrix`` objectives every pair has a panel, beyond only neighbours; parallel coordinates come from
+    ``parallel`` objectives on, and more than ``parallel_lines`` points are a grey area there. The timeline along the
+    front has at most so many points, ``walk``. Timelines of generations play ``frames`` of them a second.
+
+    A limit is in the chart where it lies at most ``limit_distance`` ranges of the curves off. Outlines of obstacles
+    have so many ``corners``; where a body meets the plane is found on a grid of ``section`` points a side. Meshes are
+    drawn up to so many ``mesh_bytes``, since a recording holds them whole.
+    """
+
+    matrix: int = 5
+    parallel: int = 3
+    parallel_lines: int = 200
+    walk: int = 60
+    frames: float = 6.0
+    limit_distance: float = 2.5
+    corners: int = 96
+    section: int = 160
+    mesh_bytes: float = 40e6
+
+
+DRAWING = DrawingOptions()
