@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from paretoik.api.generation_motions import marked_rows
-from paretoik.api.hypervolume_curve import HypervolumeCurve
 from paretoik.api.run_session import RunSession
 from paretoik.arrays import Objectives
 from paretoik.front.front import Front
-from paretoik.pareto.scalarisation import RELATIVE_ROUNDING, ranges_of
+from paretoik.front.hypervolume_curve import HypervolumeCurve
+from paretoik.front.indicators import RELATIVE_ROUNDING, ranges_of
 from paretoik.review.recorded_end import front_point
 from paretoik.review.recorded_point import RecordedPoint
 from paretoik.review.recorder import Generation

@@ -10,7 +10,6 @@ import numpy as np
 
 from paretoik.api.completion import complete_front
 from paretoik.api.generation_motions import GenerationMotions
-from paretoik.api.hypervolume_curve import HypervolumeCurve
 from paretoik.api.initial import exact_points, initial_genes, merge_front
 from paretoik.api.progress import RunProgress
 from paretoik.api.refine import SearchImprover
@@ -21,6 +20,7 @@ from paretoik.errors import Infeasible, InvalidInput, check_size
 from paretoik.formulations.protocol import decode, explain_violation, has_branches
 from paretoik.formulations.requirements import check_formulation, require_program
 from paretoik.front.front import Front
+from paretoik.front.hypervolume_curve import HypervolumeCurve
 from paretoik.inputs import real_array
 from paretoik.nlp.minimise import check_solver
 from paretoik.review.recorder import Generation

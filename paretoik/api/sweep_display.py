@@ -8,13 +8,13 @@ import numpy as np
 
 from paretoik.api.certificate_time import seconds_per_certificate
 from paretoik.api.generation_motions import marked_rows
-from paretoik.api.hypervolume_curve import HypervolumeCurve
 from paretoik.api.progress import RunProgress, count_observer
 from paretoik.api.run_session import RunSession
 from paretoik.api.time_left import sweep_time_left
 from paretoik.formulations.protocol import Differentiable
 from paretoik.front.front import Front
-from paretoik.pareto.scalarisation import ranges_of
+from paretoik.front.hypervolume_curve import HypervolumeCurve
+from paretoik.front.indicators import ranges_of
 from paretoik.pareto.sweep import SweepProgress
 from paretoik.review.recorded_point import RecordedPoint, record_motion
 from paretoik.review.recorder import Generation
