@@ -20,6 +20,7 @@ from paretoik.arrays import Values
 from paretoik.front.choices import Choices
 from paretoik.front.compromise import compromise
 from paretoik.front.front import Front
+from paretoik.front.marked_rows import best_rows
 from paretoik.front.provenance import flatten
 from paretoik.review.palette import PAPER, objective_label
 from paretoik.review.report_motions import ReportMotions, spread_rows
@@ -91,8 +92,8 @@ class Report:
                 marks.setdefault(rows[entry.point], []).append(words)
         if len(front) > 1:
             marks.setdefault(compromise(front).index, []).append("compromise")
-            for axis, name in enumerate(front.names):
-                marks.setdefault(int(front.minimised[:, axis].argmin()), []).append(f"best {name}")
+            for row, name in zip(best_rows(front.minimised, front.ids), front.names, strict=True):
+                marks.setdefault(row, []).append(f"best {name}")
         return {row: ", ".join(dict.fromkeys(words)) for row, words in marks.items()}
 
     def _data(self, rows: np.ndarray, moving: ReportMotions | None) -> dict[str, Any]:
