@@ -116,7 +116,7 @@ class RecordingProcess:
 
     def send(self, kind: Kind, message: Any, number: int | None = None) -> None:
         """Queue a message, with its number if it may be dropped, and pass on what the pipe takes."""
-        content = pickle_message((kind, message))
+        content = pickle_message((kind, message, self.stride))
         if self._answered == self._sent:
             self._heard = time.monotonic()  # until now there was nothing to answer
         self._queue.append(Frame(content, number))
@@ -165,7 +165,7 @@ class RecordingProcess:
         return sum(len(frame.content) for frame in self._queue)
 
     def _thin(self, stride: int) -> bool:
-        """Keep every so-manieth message of a series from now on, in the queue too; say whether it became shorter.
+        """Keep every ``stride``-th message of a series from now on, in the queue too; say whether it became shorter.
 
         The newest stays, and what is on its way already.
         """

@@ -85,6 +85,45 @@ def test_a_file_stays_below_its_size_with_evenly_spread_generations_the_first_an
     assert f"one in {stride} of its generations" in str(note.to_pydict())
 
 
+@pytest.mark.parametrize("spacing", [2, 8])
+def test_a_file_stays_below_its_size_where_not_every_number_comes(spacing, tmp_path):
+    file, size = tmp_path / "review.rrd", 600_000
+    recording, largest = started(file, size=size), 0
+    numbers = range(1, 1 + 40 * spacing, spacing)
+    for number in numbers:
+        recording.record(generation(number), 8 if spacing == 8 else 1)
+        recording.look_after()
+        largest = max(largest, file.stat().st_size)
+    recording.complete(SearchEnd(front=front()))
+    assert largest < 1.1 * size
+    kept = [number for number in numbers if (number - 1) % recording.stride == 0]
+    assert sorted(fronts(file)) == sorted({*kept, numbers[-1]})
+    (note,) = read(file)["/notes/left_out"]
+    assert f"one in {recording.stride} of its generations" in str(note.to_pydict())
+
+
+def test_what_the_sender_left_out_later_is_left_out_of_what_came_before_too_and_the_file_says_so(tmp_path):
+    file = tmp_path / "review.rrd"
+    recording = started(file)
+    for number in range(1, 7):
+        recording.record(generation(number))
+    recording.record(generation(9), 4)
+    recording.record(generation(13), 4)
+    recording.complete(SearchEnd(front=front()), 4)
+    assert sorted(fronts(file)) == [1, 5, 9, 13]
+    (note,) = read(file)["/notes/left_out"]
+    assert "one in 4 of its generations" in str(note.to_pydict())
+
+
+def test_a_series_that_says_the_same_number_again_and_again_ends(tmp_path):
+    recording = started(tmp_path / "review.rrd", size=1_000)
+    for _ in range(4):
+        recording.record(generation(1))
+        recording.look_after()
+    recording.complete(SearchEnd(front=front()))
+    assert sorted(fronts(tmp_path / "review.rrd")) == [1]
+
+
 def test_a_short_run_is_kept_whole_and_nothing_is_said(tmp_path):
     file = tmp_path / "review.rrd"
     recording = started(file)
