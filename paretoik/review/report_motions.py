@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import base64
 import gzip
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from paretoik.front.front import Front
 from paretoik.review.obstacle_outlines import outline, wires
@@ -81,16 +81,16 @@ class ReportMotions:
         planes = np.concatenate([(changes & 255).ravel(), (changes >> 8).ravel()]).astype(np.uint8)
         return base64.b64encode(gzip.compress(planes.tobytes(), 9, mtime=0)).decode()
 
-    def blocks(self, rows: Iterable[int], room: int) -> dict[int, str]:
-        """Return the blocks of as many ``rows``, in turn, as fit in so many bytes, by row."""
+    def blocks(self, rows: Sequence[int], room: int) -> dict[int, str]:
+        """Return the blocks of as many ``rows``, in turn, as fit in so many bytes, by the id of the point, in order."""
         blocks: dict[int, str] = {}
         for row in rows:
-            block = self.block(int(row))
-            room -= len(block) + 16  # and the id, quotes and commas around it
+            number, block = int(self.front.ids[row]), self.block(row)
+            room -= len(f'"{number}":"{block}",')
             if room < 0:
                 break
-            blocks[int(row)] = block
-        return blocks
+            blocks[number] = block
+        return {number: blocks[number] for number in self.front.ids.tolist() if number in blocks}
 
     def description(self) -> dict[str, Any]:
         """Return what the page must know to draw blocks: joints, quantities, limits, arm, path and obstacles."""
@@ -158,22 +158,6 @@ class ReportMotions:
             return []
         kinds = [self.front.names[axis].partition("_")[0] for axis in range(len(directions))]
         return [{"axis": axis, "along": _digits(vector), "kind": kinds[axis]} for axis, vector in enumerate(directions)]
-
-
-def spread_rows(front: Front, first: Iterable[int]) -> Int[np.ndarray, " points"]:
-    """Return all rows of a front, those of ``first`` before the others, each next one far from those before it."""
-    order = list(dict.fromkeys(int(row) for row in first)) or [0]
-    shares = front.shares
-    distance = np.full(len(front), np.inf)
-    for row in order:
-        distance = np.minimum(distance, np.linalg.norm(shares - shares[row], axis=1))
-    distance[order] = -1.0
-    while len(order) < len(front):
-        row = int(distance.argmax())
-        order.append(row)
-        distance = np.minimum(distance, np.linalg.norm(shares - shares[row], axis=1))
-        distance[row] = -1.0
-    return np.array(order)
 
 
 def _lines(points: np.ndarray) -> list[Any]:
