@@ -6,7 +6,6 @@ own, which has the recording's views as a second tab. The recording itself is no
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -16,7 +15,6 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from paretoik.errors import InvalidInput
 from paretoik.front.front import Choice, Front
 from paretoik.review.drawn_axes import Canvas
 from paretoik.review.legend import Legend
@@ -27,13 +25,12 @@ from paretoik.review.parallel_axes import ParallelAxes
 from paretoik.review.point_text import choice_text
 from paretoik.review.recorded_end import chosen_point
 from paretoik.review.recorded_point import RecordedPoint
-from paretoik.review.recorded_views import recorded_tab
+from paretoik.review.recorded_views import RecordedRun, read_recorded, recorded_tab
 from paretoik.review.recording_layout import choice_blueprint
 from paretoik.review.search_scene import SearchScene
 from paretoik.review.workcell import Workcell, workcell_of
 
 ROOTS: tuple[Literal["choice", "compared"], ...] = ("choice", "compared")
-STILL = ("generation", "replay", "point")  # timelines of the recording on which the arms of the layer stand still
 
 
 def write_choice_layer(
@@ -43,28 +40,27 @@ def write_choice_layer(
 
     Raises InvalidInput where the recording cannot be read.
     """
-    try:
-        reader = rr.chunk.RrdReader(recording)
-        (store,) = reader.recordings()
-        entities = {str(chunk.entity_path) for chunk in reader.stream(store=store)}
-    except (OSError, RuntimeError, ValueError) as fault:
-        cause = (str(fault).splitlines() or [type(fault).__name__])[0]
-        raise InvalidInput(f"{recording}: wanted a recording of a run, got {cause}") from fault
-    layer = ChoiceLayer(front=front, choices=(choice,) if compare is None else (choice, compare))
-    stream = rr.RecordingStream(store.application_id, recording_id=store.recording_id, send_properties=False)
+    recorded = read_recorded(recording)
+    choices = (choice,) if compare is None else (choice, compare)
+    layer = ChoiceLayer(front=front, choices=choices, recorded=recorded)
+    stream = rr.RecordingStream(recorded.application, recording_id=recorded.identity, send_properties=False)
     stream.save(file)
     layer.log(stream)
-    stream.send_blueprint(layer.blueprint(entities), make_active=True, make_default=True)
+    stream.send_blueprint(layer.blueprint(), make_active=True, make_default=True)
     stream.flush()
     stream.disconnect()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ChoiceLayer:
-    """One choice of a front, or two, with their motions on the timeline ``motion``."""
+    """One choice of a front, or two, with their motions on the timeline ``motion``.
+
+    On all others of the ``recorded`` run the arms stand still.
+    """
 
     front: Front
     choices: tuple[Choice, ...]
+    recorded: RecordedRun
 
     def log(self, stream: rr.RecordingStream) -> None:
         """Draw the front with the choices, what is to be known of them, and their arms."""
@@ -97,18 +93,15 @@ class ChoiceLayer:
             stream.log(f"{root}/text", rr.TextDocument(words, media_type="text/markdown"), static=True)
             if motions is not None and point.motion is not None:
                 motions.log(stream)
-                for timeline in STILL:
-                    stream.set_time(timeline, sequence=0) if timeline != "replay" else stream.set_time(
-                        "replay", duration=0.0
-                    )
-                stream.set_time("motion", duration=0.0)
+                for timeline, kind in {**self.recorded.timelines, "motion": "duration"}.items():
+                    stream.set_time(timeline, **{kind: 0})
                 motions.log_whole(stream, [point])
                 stream.reset_time()
                 times = point.motion.time - point.motion.time[0]
                 motions.send(stream, point, [rr.TimeColumn("motion", duration=times)])
 
-    def blueprint(self, recorded: Collection[str]) -> rrb.Blueprint:
-        """Return the layout, with the views of the ``recorded`` entities as a second tab."""
+    def blueprint(self) -> rrb.Blueprint:
+        """Return the layout, with the views of the recorded run as a second tab."""
         arms = [
             (motions.view(), [chart.view() for chart in motions.charts.values()])
             for motions in self._motions
@@ -121,7 +114,7 @@ class ChoiceLayer:
         below: list[rrb.View] = [] if self._parallel is None else [self._parallel.view()]
         front = self.scene.view() if self._canvases else None
         name = " beside ".join(f"point {choice.id}" for choice in self.choices)
-        tab = recorded_tab(self.scene, self._motions[0], recorded)
+        tab = recorded_tab(self.scene, self._motions[0], self.recorded)
         return choice_blueprint(self._legend, front, below, arms, texts, name=name, recorded=tab)
 
     @property

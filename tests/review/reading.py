@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 
+TIMELINES = ("generation", "level", "refinement", "motion", "replay", "point", "step", "individual")
+
 
 def read(file: Path) -> dict[str, list]:
     """Return the record batches of each entity of the data recording, blueprint left out."""
@@ -56,9 +58,7 @@ def shown(entities: dict[str, list], origin: str, timeline: str, time: int) -> l
 
 
 def _lasts(batch, timeline: str, time: int) -> bool:
-    times = [
-        name for name in ("generation", "motion", "replay", "point", "step", "individual") if name in batch.schema.names
-    ]
+    times = [name for name in TIMELINES if name in batch.schema.names]
     if not times:
         return True
     return timeline in times and min(batch.column(timeline).cast("int64").to_pylist()) <= time
