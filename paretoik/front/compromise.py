@@ -45,8 +45,8 @@ class Compromise:
 
 def score_shares(shares: Objectives) -> Values:
     """Return what the compromise has least, of points by their shares of the ranges (points, n_obj)."""
-    worst = np.ascontiguousarray(shares.T).max(axis=0)  # of rows of a few numbers NumPy takes ten times as long
-    scores: Values = worst + OPTIONS.augmentation * shares.sum(axis=1)
+    columns = np.ascontiguousarray(shares.T)  # reducing rows of a few numbers takes NumPy ten times as long
+    scores: Values = columns.max(axis=0) + OPTIONS.augmentation * columns.sum(axis=0)
     return scores
 
 

@@ -13,8 +13,11 @@ def marked_rows(F: Objectives, ids: Ids) -> list[tuple[int, int | None]]:
 
     The compromise is that on the points' own ranges; of one objective it is the best point, and all.
     """
-    low, high = (np.array([limit(values) for values in F.T]) for limit in (np.min, np.max))
-    scores = score_shares((F - low) / np.where(high > low, high - low, 1.0))
+    shares = np.array(F.T, order="C")  # a copy that becomes shares in place: a search does this in every generation
+    shares -= shares.min(axis=1, keepdims=True)
+    width = shares.max(axis=1, keepdims=True)
+    shares /= np.where(width > 0, width, 1.0)
+    scores = score_shares(shares.T)
     best = enumerate(best_rows(F, ids)) if F.shape[1] > 1 else ()
     return [*((row, axis) for axis, row in best), (_lowest(scores, ids), None)]
 
