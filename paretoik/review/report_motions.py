@@ -14,18 +14,11 @@ from jaxtyping import Float
 
 from paretoik.front.front import Front
 from paretoik.review.obstacle_outlines import outline, wires
-from paretoik.task.limits import LIMITED
+from paretoik.task.limits import JOINT_UNITS, LIMITED
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 
 STEPS = 65535  # of a channel's range: values are whole numbers of 16 bits
-UNITS = {
-    "position": ("rad", "m"),
-    "velocity": ("rad/s", "m/s"),
-    "acceleration": ("rad/s²", "m/s²"),
-    "torque": ("N m", "N"),
-    "power": ("W", "W"),
-}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -62,7 +55,7 @@ class ReportMotions:
     def kinds(self) -> tuple[str, ...]:
         """What is drawn of joints: torques and powers of an arm without masses are not, as they are 0."""
         massless = not np.any(self.motions.torque)
-        return tuple(kind for kind in UNITS if not (massless and kind in ("torque", "power")))
+        return tuple(kind for kind in JOINT_UNITS if not (massless and kind in ("torque", "power")))
 
     @cached_property
     def _nodes(self) -> Float[np.ndarray, "points time nodes axes"]:
@@ -107,7 +100,7 @@ class ReportMotions:
         if self.has_arm:
             sliding = [kind == "prismatic" for kind in self.motions.arm.joint_types]
             described["quantities"] = [
-                {"name": kind, "units": [UNITS[kind][slides] for slides in sliding]} for kind in self.kinds
+                {"name": kind, "units": [JOINT_UNITS[kind][slides] for slides in sliding]} for kind in self.kinds
             ]
             described["limits"] = self._limits()
             described["arm"] = self._arm()
