@@ -107,7 +107,7 @@ class SweepDisplay:
             )
             self._steps += 1
         seconds = time.monotonic() - self._started
-        left = sweep_time_left(
+        remaining = sweep_time_left(
             progress.done, progress.total, seconds, before=self._before, later=self.seconds_per_certificate
         )
         self._session.show(
@@ -116,7 +116,7 @@ class SweepDisplay:
                 done=progress.done,
                 total=progress.total,
                 seconds=seconds,
-                remaining=left,
+                remaining=remaining,
                 summary=self._hypervolume.summary(self._steps - 1),
                 generation=generation,
             )

@@ -37,8 +37,8 @@ class RecordedRun:
     @property
     def timeline(self) -> Timeline:
         """The timeline of the run itself."""
-        own: list[Timeline] = [name for name in get_args(Timeline) if name in self.timelines]
-        return own[0] if own else "generation"
+        timelines: list[Timeline] = [name for name in get_args(Timeline) if name in self.timelines]
+        return timelines[0] if timelines else "generation"
 
 
 def read_recorded(file: Path) -> RecordedRun:

@@ -31,7 +31,7 @@ class Parent:
         self._input = os.dup(0)
         self._answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
         os.dup2(2, 1)  # what anybody prints is no answer
-        self._told = 0.0
+        self._last_answer = 0.0
 
     def messages(self) -> Iterator[tuple[str, Any, int] | None]:
         """Yield kind, message and the parent's stride as they come, until the parent is gone.
@@ -57,13 +57,13 @@ class Parent:
 
     def tell(self, **answer: Any) -> None:
         """Answer, if the parent still listens."""
-        self._told = time.monotonic()
+        self._last_answer = time.monotonic()
         with suppress(OSError, ValueError):
             print(json.dumps(answer), file=self._answers, flush=True)
 
     def beat(self) -> None:
         """Let the parent know now and then that work goes on."""
-        if time.monotonic() - self._told > 4 * OPTIONS.tick:
+        if time.monotonic() - self._last_answer > 4 * OPTIONS.tick:
             self.tell()
 
 

@@ -123,7 +123,8 @@ class RecordingFile:
         """Close the file as it is."""
         self._stream.disconnect()
         if self._live is not None:
-            self._live.close()
+            live, self._live = self._live, None
+            live.close()
 
     def _open(self, file: Path) -> tuple[rr.RecordingStream, Drawing]:
         """Begin a file, and what draws into it."""
@@ -188,8 +189,8 @@ class RecordingFile:
         """Return in words what was thinned."""
         if self.stride == 1:
             return ""
-        what = getattr(self._opening.scene, "timeline", "message")
-        return f"The run was long: one in {self.stride} of its {what}s is kept here, the last one too."
+        kind = getattr(self._opening.scene, "timeline", "message")
+        return f"The run was long: one in {self.stride} of its {kind}s is kept here, the last one too."
 
     def _check_space(self, needed: int) -> None:
         """Raise OSError where so many bytes would fill the disk: Rerun may hang on a full one."""

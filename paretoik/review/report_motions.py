@@ -149,8 +149,7 @@ class ReportMotions:
         directions = getattr(self.front.problem, "directions", None)
         if directions is None:
             return []
-        kinds = [self.front.names[axis].partition("_")[0] for axis in range(len(directions))]
-        return [{"axis": axis, "along": _digits(vector), "kind": kinds[axis]} for axis, vector in enumerate(directions)]
+        return [{"axis": axis, "along": _digits(vector)} for axis, vector in enumerate(directions)]
 
 
 def _lines(points: np.ndarray) -> list[Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 import rerun as rr
 
 from paretoik.front.front import Front
+from paretoik.review import live_view
 from paretoik.review.recorder import Generation, SearchedFront, SearchEnd
 from paretoik.review.recording_file import RecordingFile
 from paretoik.review.recording_process import Opening, RecorderOptions
@@ -52,10 +54,10 @@ def front(points: int = 70) -> Front:
     return Front(ids=np.arange(points), objectives=F, names=NAMES, units=[""] * N_OBJ, maximised=[False] * N_OBJ)
 
 
-def started(file: Path, listener: Listener | None = None, **options) -> RecordingFile:
+def started(file: Path, listener: Listener | None = None, *, live: bool = False, **options) -> RecordingFile:
     scene = SearchedFront(names=NAMES, units=("",) * N_OBJ, maximised=(False,) * N_OBJ)
     settings = RecorderOptions(flush=0.01, **options)
-    opening = Opening(file=str(file), title="long", scene=scene, live=False, options=settings)
+    opening = Opening(file=str(file), title="long", scene=scene, live=live, options=settings)
     return RecordingFile(opening, listener or Listener())
 
 
@@ -170,3 +172,15 @@ def test_a_file_that_another_run_has_replaced_is_left_alone(tmp_path):
         recording.complete(SearchEnd(front=front()))
     assert file.read_text() == "another run's"
     assert [left.name for left in tmp_path.iterdir()] == ["review.rrd"]
+
+
+def test_viewers_get_their_time_to_read_the_end_once(tmp_path, monkeypatch):
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"):
+        monkeypatch.delenv(name, raising=False)
+    pauses, sleep = [], time.sleep
+    monkeypatch.setattr(time, "sleep", lambda seconds: (pauses.append(seconds), sleep(seconds)))
+    recording = started(tmp_path / "review.rrd", live=True)
+    recording.record(generation(1))
+    recording.complete(SearchEnd(front=front()))
+    recording.close()
+    assert pauses.count(live_view.OPTIONS.reading) == 1
