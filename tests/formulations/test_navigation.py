@@ -136,6 +136,14 @@ def test_more_than_there_is_is_said_or_refused(plain):
         plain.navigate(start, improve="torque_norm", by=100 * float(np.ptp(plain.ranges[1])))
 
 
+def test_along_a_front_without_curvature_a_move_leads_somewhere():
+    front = pk.epsilon_front(directions(), points=9, starts=8, observe=False, seed=3)
+    moved = front.navigate(3, improve="speed_1", by=0.00137)
+    change = moved.navigated.objectives - front[3].objectives
+    assert change[front.names.index("speed_1")] == pytest.approx(0.00137, rel=1e-5)
+    assert moved.certificates.kkt_residual[moved.navigated.index] <= 1e-6
+
+
 def test_past_kinks_it_is_solved_anew_and_said():
     front = pk.epsilon_front(MAKERS["kinked"](), points=6, starts=8, observe=False)
     moved = front.navigate(inner_points(front)[0], improve="kinetic_energy")
