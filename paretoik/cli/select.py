@@ -24,7 +24,7 @@ def select(
         str | None, typer.Option(help="Least weighted sum; who is missing has 0.", metavar=NUMBERS)
     ] = None,
     knee: Annotated[
-        bool, typer.Option("--knee", help="The point from which any step costs more than it gains.")
+        bool, typer.Option("--knee", help="The point from which any step costs the most beside what it gains.")
     ] = False,
     compromise: Annotated[
         bool,
