@@ -94,6 +94,15 @@ def test_small_moves_cost_what_exchange_rates_say():
     assert moved.provenance["navigations"][-1]["predicted"]["manipulability"] == pytest.approx(change[1], rel=0.05)
 
 
+def test_a_part_of_a_front_gives_no_id_of_the_whole_again(plain):
+    part = plain[[id for id in plain.ids.tolist() if id != plain.ids.max()]]
+    part = part.where(kinetic_energy=(None, float(np.sort(part.objectives[:, 0])[-2])))
+    for start in part.ids.tolist()[1:3]:
+        moved = part.navigate(start, improve="kinetic_energy")
+        assert moved.provenance["navigations"][-1]["new"]
+        assert moved.navigated.id > plain.ids.max()
+
+
 def test_what_is_on_hold_gets_no_worse():
     front = pk.epsilon_front(MAKERS["three"](), points=8, starts=8, observe=False)
     start = max(front.ids, key=lambda id: front.certificates.weights[front.choice_of(int(id)).index].min())
