@@ -12,12 +12,13 @@ parametric quadratic programming problem; Ferreau, Bock & Diehl 2008.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 from scipy import sparse
-from scipy.linalg.lapack import dgetrf, dgetrs  # by themselves: systems are small
+from scipy.linalg.lapack import dgetrf, dgetrs, dsytrf  # by themselves: systems are small
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,6 +35,7 @@ class ParametricQpOptions:
     rate: float = 1e-13  # by which a slack or a multiplier falls: less is rounding
     lift: float = 1e-4  # of slacks at the beginning, each by another multiple of it from 1 to 2: ties would cycle
     end: float = 1e-9  # of the way: what is as good as none of it
+    curvature: float = 1e-10  # along active constraints, a share of H's largest entry: what counts as none
 
 
 OPTIONS = ParametricQpOptions()
@@ -69,7 +71,8 @@ def solve_from(
     unit = jacobian.data / np.repeat(lengths, counts)
     rows = sparse.csr_array((unit, jacobian.indices, jacobian.indptr), shape=jacobian.shape)
     way = _Way(hessian / scale, gradient / scale, rows, values / lengths, multipliers * lengths / scale)
-    way.follow()
+    with suppress(np.linalg.LinAlgError):  # of a bordered system: no one optimum goes on from there
+        way.follow()
     return QpSolution(
         step=way.step, multipliers=way.multipliers * scale / lengths, share=way.share, changes=way.changes
     )
@@ -100,6 +103,8 @@ class _Way:
         while self.changes <= OPTIONS.changes:
             if system.updates > OPTIONS.updates:
                 system = _System(self.hessian, self._dense(self.active), self.active)
+                if not system.is_regular:
+                    return
             step_rate, rates = system.solve(-self.gradient_rate, -self.value_rate)
             slack_rates = self.value_rate + self.rows @ step_rate
             slack_rates[self.active] = 0.0
@@ -134,8 +139,8 @@ class _Way:
 
     def _drop(self, system: _System, row: int) -> bool:
         """Drop an active constraint; return whether the optimum goes on without."""
-        if system.multiplier_response(row) >= 0.0:  # negative curvature, by Haynsworth's inertia formula
-            return False
+        if system.multiplier_response(row) >= -OPTIONS.curvature * np.abs(self.hessian).max():
+            return False  # no curvature or a negative one is left, by Haynsworth's inertia formula
         self.multipliers[row] = 0.0
         system.drop(row)
         self.active = system.active
@@ -182,11 +187,8 @@ class _System:
         matrix[self.size :, : self.size] = normals
         matrix[: self.size, self.size :] = normals.T
         self._factors, self._pivots, _ = dgetrf(matrix)
-        diagonal, swaps = np.diagonal(self._factors), self._pivots != np.arange(self.size + count)
-        negative = int(np.count_nonzero(diagonal < 0)) + int(np.count_nonzero(swaps))
-        regular = bool(np.isfinite(diagonal).all() and (diagonal != 0.0).all())
-        # positive curvature along the constraints: as many negative eigenvalues as constraints, so a sign of (−1)^m
-        self.is_regular = regular and (negative - count) % 2 == 0
+        # as many negative eigenvalues as constraints: positive curvature along these (Gould 1985)
+        self.is_regular = _negative_eigenvalues(matrix, self.size) == count
         self.added: list[int] = []
         self.dropped: list[int] = []
         self._border = np.zeros((self.size + count, 0))
@@ -269,3 +271,17 @@ class _System:
         remaining = [i for i, row in enumerate(self.base) if row not in self.dropped]
         v = np.concatenate([z[self.size :][remaining], w[len(self.dropped) :]])
         return z[: self.size], -v
+
+
+def _negative_eigenvalues(matrix: np.ndarray, size: int) -> int | None:
+    """Return how many eigenvalues of [[H, Aᵀ], [A, 0]] are negative, H of a ``size``; None where one is as good as 0.
+
+    By Sylvester's law those of its Bunch-Kaufman factors, of whose blocks of two each has one; H is scaled to 1 first.
+    """
+    scaled = matrix.copy()
+    scaled[:size, :size] /= max(float(np.abs(matrix[:size, :size]).max()), 1e-300)
+    factors, pivots, _ = dsytrf(scaled)
+    single = np.diagonal(factors)[pivots > 0]
+    if not np.isfinite(factors).all() or (np.abs(single) <= OPTIONS.curvature).any():
+        return None
+    return int(np.count_nonzero(single < 0.0)) + int(np.count_nonzero(pivots < 0)) // 2

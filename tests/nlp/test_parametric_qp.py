@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy import sparse
 
@@ -83,3 +83,34 @@ def test_negative_curvature_along_active_constraints_ends_the_way():
     released = solve_from(H, -g, sparse.csr_array([[0.0, 1.0]]), np.zeros(1), np.array([1.0]))
     assert released.share < 1.0
     assert solve_from(H, g, sparse.csr_array([[1.0, 0.0]]), np.zeros(1), np.array([1.0])).share == 0.0
+
+
+def degenerate(seed):
+    """A program without positive curvature everywhere, of whose constraints several meet at the first point."""
+    rng = np.random.default_rng(seed)
+    columns, rows = int(rng.integers(2, 7)), int(rng.integers(1, 16))
+    root = rng.normal(size=(columns, columns))
+    H = root + root.T if seed % 2 else root[:, :1] @ root[:, :1].T  # indefinite, or of rank one
+    A = rng.integers(-2, 3, size=(rows, columns)).astype(float)
+    A[~A.any(axis=1), 0] = 1.0
+    return H, rng.normal(size=columns), A, np.abs(rng.normal(size=rows)) * (rng.random(rows) > 0.5)
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.integers(0, 10**6))
+@example(80)  # once an exception
+@example(2)  # once a wrong answer
+@example(25)  # once a saddle
+def test_without_curvature_the_way_ends_or_leads_to_a_minimum(seed):
+    H, g, A, c = degenerate(seed)
+    solution = solve_from(H, g, sparse.csr_array(A), c, guess(seed, A))
+    if solution.share == 1.0:
+        assert_optimal(solution, H, g, A, c)
+        active = A[solution.multipliers > 0.0]
+        tangents = np.linalg.svd(active)[2][len(active) :].T if len(active) else np.eye(len(g))
+        assert np.linalg.eigvalsh(tangents.T @ H @ tangents).min(initial=0.0) >= -1e-9 * np.abs(H).max()
+
+
+def test_two_directions_of_negative_curvature_are_no_minimum():
+    nothing = sparse.csr_array((0, 2))
+    assert solve_from(-np.eye(2), np.array([1.0, 0.5]), nothing, np.zeros(0), np.zeros(0)).share == 0.0
