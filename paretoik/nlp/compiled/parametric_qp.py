@@ -6,9 +6,9 @@
 With gradient Aᵀy and no slack where y > 0 the step d = 0 and the multipliers y ≥ 0 are optimal. From these data to the
 true ones the optimum moves in straight pieces; where one ends a constraint is added or dropped. Near the answer there
 are few pieces. H has to be positive definite along the active constraints only: where dropping one would leave
-negative curvature, the optimum ends, and so does the way. Source: Best 1996, An algorithm for the solution of the
-parametric quadratic programming problem; Ferreau, Bock & Diehl 2008. The system of a piece is solved by the Schur
-complement of what is active (``working_set``).
+negative curvature, the optimum ends, and so does the way; where it is flat, the step is as short as it can be. Source:
+Best 1996, An algorithm for the solution of the parametric quadratic programming problem; Ferreau, Bock & Diehl 2008.
+The system of a piece is solved by the Schur complement of what is active (``working_set``).
 """
 
 from __future__ import annotations
@@ -26,10 +26,13 @@ from paretoik.nlp.compiled.working_set import (
     allocate_working_set,
     drop_constraint,
     factorise_working_set,
-    is_regular_without,
+    is_definite_without,
     response,
     solve_working_set,
+    update_working_set,
 )
+
+MANY = 1 << 30  # changes: the matrix is to be factorised anew
 
 
 class QpOptions(NamedTuple):
@@ -125,8 +128,6 @@ def _follow(program, work, way, scale, options):
     if not factorise_working_set(program, work, way.multipliers, True, scale):
         return share, changes
     while changes <= options.changes:
-        if work.counts[1] > options.updates and not factorise_working_set(program, work, way.multipliers, False, scale):
-            return share, changes
         solve_working_set(program, work, way.gradient_rate, way.value_rate, way.step_rate, way.multiplier_rates)
         _slack_rates(program, work, way)
         length, row, dropped = _next_change(work, way, 1.0 - share, options)
@@ -135,7 +136,9 @@ def _follow(program, work, way, scale, options):
         if row < 0 or share > 1.0 - options.end:
             return 1.0, changes
         changes += 1
-        if not (_drop(program, work, way, row) if dropped else _add(program, work, way, row, options)):
+        if not (_drop(work, way, row) if dropped else _add(program, work, way, row, options)):
+            return share, changes
+        if not update_working_set(program, work, way.multipliers, options.updates, scale):
             return share, changes
     return share, changes
 
@@ -176,13 +179,17 @@ def _go(work, way, length):
 
 
 @compiled
-def _drop(program, work, way, row):
-    """Drop an active constraint; return whether the optimum goes on without."""
-    if not is_regular_without(work, row):
+def _drop(work, way, row):
+    """Drop an active constraint; return whether the optimum may go on without."""
+    way.multipliers[row], way.slacks[row] = 0.0, 0.0
+    if is_definite_without(work, row):
+        drop_constraint(work, row)
+        return True
+    if work.counts[3]:
         return False
-    way.multipliers[row] = 0.0
-    way.slacks[row] = 0.0
-    return drop_constraint(program, work, row)
+    work.is_active[row], work.counts[3] = False, 1  # flat or negative: regularised it is definite, or it is not
+    work.counts[1] = MANY
+    return True
 
 
 @compiled
@@ -190,19 +197,20 @@ def _add(program, work, way, row, options):
     """Add a constraint, in place of one that it depends on if it does; return whether they can all hold."""
     across = response(program, work, row, way.multiplier_rates)
     way.slacks[row] = 0.0
-    if across > options.dependent:
-        return add_constraint(program, work, row)
-    leaving, length = -1, np.inf
-    for i in range(len(way.slacks)):
-        if work.is_active[i] and way.multiplier_rates[i] > np.sqrt(options.dependent):
-            reached = way.multipliers[i] / way.multiplier_rates[i]
-            if reached < length:
-                leaving, length = i, reached
-    if leaving < 0:
-        return False
-    for i in range(len(way.slacks)):
-        if work.is_active[i]:
-            way.multipliers[i] = max(way.multipliers[i] - length * way.multiplier_rates[i], 0.0)
-    way.multipliers[row], way.multipliers[leaving] = length, 0.0
-    way.slacks[leaving] = 0.0
-    return drop_constraint(program, work, leaving) and add_constraint(program, work, row)
+    if across <= options.dependent:
+        leaving, length = -1, np.inf
+        for i in range(len(way.slacks)):
+            if work.is_active[i] and way.multiplier_rates[i] > np.sqrt(options.dependent):
+                reached = way.multipliers[i] / way.multiplier_rates[i]
+                if reached < length:
+                    leaving, length = i, reached
+        if leaving < 0:
+            return False
+        for i in range(len(way.slacks)):
+            if work.is_active[i]:
+                way.multipliers[i] = max(way.multipliers[i] - length * way.multiplier_rates[i], 0.0)
+        way.multipliers[row], way.multipliers[leaving] = length, 0.0
+        way.slacks[leaving] = 0.0
+        drop_constraint(work, leaving)
+    add_constraint(program, work, row)
+    return True

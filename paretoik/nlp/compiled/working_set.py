@@ -23,7 +23,8 @@ from paretoik.nlp.compiled.dense_lu import factorise_lu, solve_lu
 from paretoik.nlp.compiled.quadratic_program import row_product, write_row
 
 STIFFNESS = (1.0, 1e3)  # ρ, in sizes of H, tried in turn
-CURVATURE = 1e-10  # along a row, a share of its ρ: less is rounding
+CURVATURE = 1e-12  # along a row, a share of its ρ: less is rounding
+REGULARISATION = 1e-9  # in sizes of H: what is added to it where it is flat
 
 
 class WorkingSet(NamedTuple):
@@ -48,7 +49,7 @@ class WorkingSet(NamedTuple):
     vector: np.ndarray  # (unknowns,)
     position: np.ndarray  # (constraints,): in the rows, −1 for none
     is_active: np.ndarray  # (constraints,)
-    counts: np.ndarray  # rows, changes since K was factorised, whether K is dense
+    counts: np.ndarray  # rows, changes since K was factorised, whether K is dense, whether it is regularised
 
 
 @compiled
@@ -75,14 +76,17 @@ def allocate_working_set(n, band, border, constraints, updates):
         np.zeros(n),
         np.zeros(constraints, dtype=np.int64),
         np.zeros(constraints, dtype=np.bool_),
-        np.zeros(3, dtype=np.int64),
+        np.zeros(4, dtype=np.int64),
     )
 
 
 @compiled
 def factorise_working_set(program, work, multipliers, first, scale):
-    """Factorise K of the active rows, those with a multiplier the ``first`` time; return whether it is definite."""
-    count, largest = 0, 1e-300
+    """Factorise K of the active rows, those with a multiplier the ``first`` time; return whether it is definite.
+
+    Where H is flat along them it is regularised, from then on: nothing moves that way by itself.
+    """
+    count, largest = 0, 0.0
     for i in range(len(multipliers)):
         if first:
             work.is_active[i] = multipliers[i] > 0.0
@@ -92,35 +96,48 @@ def factorise_working_set(program, work, multipliers, first, scale):
         return False
     for i in range(len(program.A)):
         largest = max(largest, abs(program.A[i, 0]) / scale)
+    largest = largest if largest > 0.0 else 1.0
     work.counts[0], work.counts[1] = 0, 0
-    for which in range(2 * len(STIFFNESS)):
-        rho, is_full = STIFFNESS[which % len(STIFFNESS)] * largest, which >= len(STIFFNESS)
-        work.counts[2] = is_full
-        if _factorise(program, work, rho, is_full, scale):
-            for i in range(len(multipliers)):
-                if work.is_active[i]:
-                    _append(program, work, i, rho if is_full or i < len(program.entries) else 0.0)
-            return _factorise_schur(work)
+    for added in range(work.counts[3], 2):
+        for which in range(2 * len(STIFFNESS)):
+            rho, is_full = STIFFNESS[which % len(STIFFNESS)] * largest, which >= len(STIFFNESS)
+            work.counts[2], work.counts[3] = is_full, added
+            if _factorise(program, work, rho, added * REGULARISATION * largest, is_full, scale):
+                for i in range(len(multipliers)):
+                    if work.is_active[i]:
+                        _append(program, work, i, rho if is_full or i < len(program.entries) else 0.0)
+                return _factorise_schur(work)
     return False
 
 
 @compiled
-def _factorise(program, work, rho, is_full, scale):
-    """Factorise K, banded or dense; return whether it is positive definite."""
-    (size, band), border = program.A.shape, len(program.C)
-    limits, matrix = len(program.entries), work.full if is_full else work.A
+def _factorise(program, work, rho, delta, is_full, scale):
+    """Factorise K with ``delta`` on its diagonal, banded or dense; return whether it is positive definite."""
+    size, band = program.A.shape
+    matrix, border = work.full if is_full else work.A, len(program.C)
     clear(matrix)
     clear(work.B)
     clear(work.C)
     for i in range(size):
         for d in range(min(band, i + 1)):
             matrix[i, d] = program.A[i, d] / scale
+        matrix[i, 0] += delta
     for e in range(border):
         for j in range(size):
             _add_entry(work, is_full, size, size + e, j, program.B[e, j] / scale)
-        for f in range(border):
-            if f <= e:
-                _add_entry(work, is_full, size, size + e, size + f, program.C[e, f] / scale)
+        for f in range(e + 1):
+            _add_entry(work, is_full, size, size + e, size + f, program.C[e, f] / scale)
+        _add_entry(work, is_full, size, size + e, size + e, delta)
+    _stiffen(program, work, rho, is_full)
+    if is_full:
+        return factorise(work.full, work.nothing, work.nothing, work.full_factor, work.nothing, work.nothing, 0)
+    return factorise(work.A, work.B, work.C, work.L, work.X, work.S, 0)
+
+
+@compiled
+def _stiffen(program, work, rho, is_full):
+    """Add ρ aaᵀ of the active rows, the dense ones only where K is dense."""
+    size, limits = len(program.A), len(program.entries)
     for i in range(limits):
         if work.is_active[i]:
             for a in range(program.columns.shape[1]):
@@ -129,15 +146,11 @@ def _factorise(program, work, rho, is_full, scale):
                     value = rho * program.entries[i, a] * program.entries[i, b]
                     if row >= column and value != 0.0:
                         _add_entry(work, is_full, size, row, column, value)
-    if not is_full:
-        return factorise(work.A, work.B, work.C, work.L, work.X, work.S, 0)
-    for e in range(len(program.dense)):
+    for e in range(len(program.dense) if is_full else 0):
         if work.is_active[limits + e]:
-            for i in range(size + border):
-                scaled = rho * program.dense[e, i]
+            for i in range(len(work.full)):
                 for j in range(i + 1):
-                    matrix[i, i - j] += scaled * program.dense[e, j]
-    return factorise(work.full, work.nothing, work.nothing, work.full_factor, work.nothing, work.nothing, 0)
+                    work.full[i, i - j] += rho * program.dense[e, i] * program.dense[e, j]
 
 
 @compiled
@@ -233,7 +246,7 @@ def response(program, work, row, along):
 
 
 @compiled
-def is_regular_without(work, row):
+def is_definite_without(work, row):
     """Return whether curvature stays positive without an active row, by Haynsworth's inertia formula."""
     place = work.position[row]
     for w in range(work.counts[0]):
@@ -244,23 +257,29 @@ def is_regular_without(work, row):
 
 @compiled
 def add_constraint(program, work, row):
-    """Make a constraint active; return whether the system is regular."""
+    """Make a constraint active; the system is to be updated then."""
     work.is_active[row] = True
     work.counts[1] += 1
     if work.position[row] < 0:
         _append(program, work, row, 0.0)
-    return _factorise_schur(work)
 
 
 @compiled
-def drop_constraint(program, work, row):
-    """Make an active constraint inactive; return whether the system is regular."""
+def drop_constraint(work, row):
+    """Make an active constraint inactive; the system is to be updated then."""
     place = work.position[row]
     work.is_active[row] = False
     work.counts[1] += 1
     if work.stiffness[place] == 0.0:
         _remove(work, place)
-    return _factorise_schur(work)
+
+
+@compiled
+def update_working_set(program, work, multipliers, updates, scale):
+    """Factorise the system after constraints came or went, K too after ``updates``; return whether it is definite."""
+    if work.counts[1] <= updates and _factorise_schur(work):
+        return True
+    return factorise_working_set(program, work, multipliers, False, scale)
 
 
 @compiled

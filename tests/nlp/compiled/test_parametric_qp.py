@@ -129,3 +129,19 @@ def test_negative_curvature_along_active_constraints_ends_the_way(dense):
     assert_optimal(held, H, g, across, np.zeros(1))
     assert solved(H, -g, across, np.zeros(1), np.array([1.0]), dense=dense).share < 1.0
     assert solved(H, g, along, np.zeros(1), np.array([1.0]), dense=dense).share == 0.0
+
+
+def test_where_it_is_flat_nothing_moves_by_itself():
+    H, g = np.diag([1.0, 0.0, 0.0]), np.array([-1.0, 0.0, 1.0])
+    A, c = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 1.0]]), np.array([0.5, 0.4])  # z ≥ −0.5, y + z ≥ −0.4
+    solution = solved(H, g, A, c, np.array([1.0, 0.0]))
+    assert_optimal(solution, H, g, A, c)
+    assert solution.step == pytest.approx([1.0, 0.1, -0.5], abs=1e-7)
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.integers(0, 10**6))
+def test_a_linear_program_is_followed_to_its_vertex(seed):
+    H, g, A, c = chain(seed)
+    guess = np.concatenate([g.clip(0), (-g).clip(0), np.zeros(len(g) - 1)])
+    assert_optimal(solved(0 * H, g, A, c, guess), 0 * H, g, A, c)
