@@ -202,7 +202,7 @@ class FinishedSearch:
 
     @cached_property
     def _clock(self) -> ReplayClock:
-        return ReplayClock.of(self.generations)
+        return ReplayClock.of([each.points for each in self.generations])
 
     @cached_property
     def _charts(self) -> list[DrawnChart]:

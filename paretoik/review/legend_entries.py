@@ -25,6 +25,19 @@ def search_entries(scene: SearchScene, motions: MotionScene | None, *, chosen: s
     return entries + ([] if motions is None else motion_entries(motions, chosen))
 
 
+def plan_entries(motions: MotionScene | None) -> list[Entry]:
+    """Return what is drawn of a plan in which colour."""
+    entries: list[Entry] = [
+        ("start", SCREEN.population),
+        ("what it led to", SCREEN.front),
+        ("start that led to no optimum", SCREEN.failed),
+        ("best", SCREEN.chosen),
+        ("values of the optima", SCREEN.final),
+    ]
+    arms = [] if motions is None else [*motion_entries(motions, "best"), ("arm of the start", SCREEN.end(0))]
+    return entries + arms
+
+
 def motion_entries(motions: MotionScene, chosen: str) -> list[Entry]:
     """Return what is drawn of motions in which colour."""
     cell = motions.workcell
