@@ -7,7 +7,9 @@ from importlib import import_module
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import rerun as rr
+import rerun.blueprint as rrb
 
+from paretoik.review.recording_layout import TEXT, text_view
 from paretoik.review.recording_process import RecorderOptions
 
 
@@ -44,8 +46,15 @@ class WholeRecording:
 
     def finish(self, messages: Sequence[Any], end: Any, note: str) -> None:
         """Draw all messages with their end, if there is one, and a note if any."""
+        if not messages and end is None:
+            self._say_nothing()
+            return
         module, _, name = self._scene.finished_by.partition(":")
         finished: Finished = getattr(import_module(module), name)(
             scene=self._scene, messages=tuple(messages), end=end, note=note
         )
         finished.log(self._stream)
+
+    def _say_nothing(self) -> None:
+        self._stream.log(TEXT, rr.TextDocument("The run ended before there was anything to show."), static=True)
+        self._stream.send_blueprint(rrb.Blueprint(text_view("nothing"), auto_views=False))
