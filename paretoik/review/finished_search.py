@@ -188,7 +188,7 @@ class FinishedSearch:
     def _shown(self) -> Objectives:
         fronts = [each.front for each in self.generations]
         fronts += [] if self.end.front is None else [self.end.front.objectives]
-        if fronts and len(fronts[-1]):
+        if fronts and len(fronts[-1]) and self.scene.timeline != "refinement":  # of which both are looked at
             return replay_window(fronts)
         return np.concatenate([np.empty((0, len(self.scene.names))), *fronts])
 
