@@ -87,9 +87,9 @@ def choice_blueprint(
     texts: Sequence[rrb.View],
     *,
     name: str,
-    recorded: rrb.Container,
+    recorded: rrb.Container | None,
 ) -> rrb.Blueprint:
-    """Return the layout of a choice, or of two beside each other, on a common time; ``recorded`` is the second tab.
+    """Return the layout of a choice, or of two beside each other, on a common time; ``recorded`` may be a second tab.
 
     Of one, words stand beside the arm; of two, below the front.
     """
@@ -104,7 +104,7 @@ def choice_blueprint(
         shares = [legend.height, BODY - legend.height]
         body = rrb.Vertical(legend.view(), rrb.Horizontal(*columns), row_shares=shares, name=name)
     return rrb.Blueprint(
-        rrb.Tabs(body, recorded),
+        body if recorded is None else rrb.Tabs(body, recorded),
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),
         rrb.TimePanel(timeline="motion", state="collapsed", fps=DRAWING.frames),
