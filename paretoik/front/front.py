@@ -30,6 +30,7 @@ from paretoik.front.gaps import find_jumps, missing_hypervolume
 from paretoik.front.joint_motions import JointMotions
 from paretoik.front.navigation import choice_of, navigate, navigated, refine_around
 from paretoik.front.reason import explain
+from paretoik.front.viewing import view
 from paretoik.inputs import check_flag, file_path
 from paretoik.tables import html_representation
 
@@ -231,6 +232,7 @@ class Front:
     refine_around = refine_around
     navigated = property(navigated)
     choice_of = choice_of
+    view = view
 
     @property
     def choices(self) -> Choices:

@@ -16,6 +16,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
+from paretoik.arrays import Times
 from paretoik.errors import InvalidInput
 from paretoik.front.front import Choice, Front
 from paretoik.review.drawn_axes import Canvas
@@ -30,9 +31,10 @@ from paretoik.review.recorded_point import RecordedPoint
 from paretoik.review.recorded_views import recorded_tab
 from paretoik.review.recording_layout import choice_blueprint
 from paretoik.review.search_scene import SearchScene
-from paretoik.review.workcell import Workcell, workcell_of
+from paretoik.review.workcell import Workcell, workcell_of_front
 
 ROOTS: tuple[Literal["choice", "compared"], ...] = ("choice", "compared")
+NO_TIMES = np.zeros(0)
 STILL = ("generation", "replay", "point")  # timelines of the recording on which the arms of the layer stand still
 
 
@@ -61,13 +63,22 @@ def write_choice_layer(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ChoiceLayer:
-    """One choice of a front, or two, with their motions on the timeline ``motion``."""
+    """One choice of a front, or two, with their motions on the timeline ``motion``.
+
+    Axes hold the motions of points ``around`` them, too.
+    """
 
     front: Front
     choices: tuple[Choice, ...]
+    around: tuple[RecordedPoint, ...] = ()
 
     def log(self, stream: rr.RecordingStream) -> None:
         """Draw the front with the choices, what is to be known of them, and their arms."""
+        self.log_front(stream)
+        self.log_choices(stream)
+
+    def log_front(self, stream: rr.RecordingStream) -> None:
+        """Draw the front on its axes, for all times."""
         self._legend.log(stream)
         self.scene.log_axes(stream, self._canvases, static=True)
         front = self.front
@@ -79,6 +90,12 @@ class ChoiceLayer:
                 self._parallel.lines(front.objectives, SCREEN.lines, 0.6, 1.0),
                 static=True,
             )
+
+    def log_choices(self, stream: rr.RecordingStream, times: Times = NO_TIMES) -> None:
+        """Draw the choices, for all times, and their arms along their motions, at ``times`` too.
+
+        Where that was done before with other choices of the layer, what is drawn now takes their place.
+        """
         for root, choice, point, motions in zip(ROOTS, self.choices, self._points, self._motions, strict=False):
             self.scene.log_points(
                 stream,
@@ -93,22 +110,27 @@ class ChoiceLayer:
                 colour = SCREEN.chosen if root == ROOTS[0] else SCREEN.compared
                 lines = self._parallel.lines(choice.objectives[None], colour, 2.2, 4.0)
                 stream.log(f"{self._parallel.entity}/{root}", lines, static=True)
-            words = choice_text(front, choice, title="chosen" if root == ROOTS[0] else "compared")
+            words = choice_text(self.front, choice, title="chosen" if root == ROOTS[0] else "compared")
             stream.log(f"{root}/text", rr.TextDocument(words, media_type="text/markdown"), static=True)
             if motions is not None and point.motion is not None:
-                motions.log(stream)
-                for timeline in STILL:
-                    stream.set_time(timeline, sequence=0) if timeline != "replay" else stream.set_time(
-                        "replay", duration=0.0
-                    )
-                stream.set_time("motion", duration=0.0)
-                motions.log_whole(stream, [point])
-                stream.reset_time()
-                times = point.motion.time - point.motion.time[0]
-                motions.send(stream, point, [rr.TimeColumn("motion", duration=times)])
+                self._log_motion(stream, motions, point, times)
 
-    def blueprint(self, recorded: Collection[str]) -> rrb.Blueprint:
-        """Return the layout, with the views of the ``recorded`` entities as a second tab."""
+    def _log_motion(self, stream: rr.RecordingStream, motions: MotionScene, point: RecordedPoint, times: Times) -> None:
+        """Let the arm of a point move, and stand still on the recording's timelines."""
+        assert point.motion is not None
+        motions.log(stream)
+        for timeline in STILL:
+            stream.set_time(timeline, sequence=0) if timeline != "replay" else stream.set_time("replay", duration=0.0)
+        stream.set_time("motion", duration=0.0)
+        motions.log_whole(stream, [point])
+        stream.reset_time()
+        own = point.motion.time - point.motion.time[0]
+        times = np.union1d(own, times)
+        rows = np.searchsorted(own, times, side="right") - 1  # the sample that the arm has come to
+        motions.send(stream, point, [rr.TimeColumn("motion", duration=times)], rows)
+
+    def blueprint(self, recorded: Collection[str] | None) -> rrb.Blueprint:
+        """Return the layout, with the views of the ``recorded`` entities, if there are any, as a second tab."""
         arms = [
             (motions.view(), [chart.view() for chart in motions.charts.values()])
             for motions in self._motions
@@ -121,7 +143,7 @@ class ChoiceLayer:
         below: list[rrb.View] = [] if self._parallel is None else [self._parallel.view()]
         front = self.scene.view() if self._canvases else None
         name = " beside ".join(f"point {choice.id}" for choice in self.choices)
-        tab = recorded_tab(self.scene, self._motions[0], recorded)
+        tab = None if recorded is None else recorded_tab(self.scene, self._motions[0], recorded)
         return choice_blueprint(self._legend, front, below, arms, texts, name=name, recorded=tab)
 
     @property
@@ -147,7 +169,7 @@ class ChoiceLayer:
     @cached_property
     def _motions(self) -> list[MotionScene | None]:
         """The arms of the choices, on the same axes; None without a workcell or motions."""
-        cell = workcell_of(self.front.problem)
+        cell = workcell_of_front(self.front)
         if cell is None or any(point.motion is None for point in self._points):
             return [None] * len(self.choices)
         return [self._scene_of(cell, number) for number in range(len(self.choices))]
@@ -156,7 +178,7 @@ class ChoiceLayer:
         return MotionScene(
             workcell=cell,
             names=tuple(self.front.names),
-            points=self._points,
+            points=[*self._points, *self.around],
             title=f"point {self.choices[number].id}",
             root=f"{ROOTS[number]}/",
         )
