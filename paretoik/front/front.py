@@ -29,6 +29,7 @@ from paretoik.front.gaps import find_jumps, missing_hypervolume
 from paretoik.front.joint_motions import JointMotions
 from paretoik.front.navigation import choice_of, navigate, navigated, refine_around
 from paretoik.front.reason import explain
+from paretoik.front.viewing import view
 from paretoik.inputs import check_flag, file_path
 from paretoik.tables import html_representation
 
@@ -230,6 +231,7 @@ class Front:
     refine_around = refine_around
     navigated = property(navigated)
     choice_of = choice_of
+    view = view
 
     @property
     def choices(self) -> Choices:
@@ -245,13 +247,13 @@ class Front:
         """Go back to the choice before the present one in the run folder, and return it; None where it was the first.
 
         Nothing is deleted: the next choice becomes another branch of the tree. Raises InvalidInput where there is no
-        choice to go back from.
+        choice to go back from, or this is a part of the run's front without the point of the one before.
         """
         from paretoik.front.choices import chosen, go_back
 
         if self.folder is None:
             raise InvalidInput("undo: wants a front that was loaded from a run folder or saved into one")
-        go_back(self.folder)
+        go_back(self.folder, front=self)
         return chosen(self)
 
     def choice(

@@ -15,6 +15,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
+from paretoik.arrays import Times
 from paretoik.front.front import Choice, Front
 from paretoik.review.drawn_axes import Canvas
 from paretoik.review.legend import Legend
@@ -28,9 +29,10 @@ from paretoik.review.recorded_point import RecordedPoint
 from paretoik.review.recorded_views import RecordedRun, read_recorded, recorded_tab
 from paretoik.review.recording_layout import choice_blueprint
 from paretoik.review.search_scene import SearchScene
-from paretoik.review.workcell import Workcell, workcell_of
+from paretoik.review.workcell import Workcell, workcell_of_front
 
 ROOTS: tuple[Literal["choice", "compared"], ...] = ("choice", "compared")
+NO_TIMES = np.zeros(0)
 
 
 def write_choice_layer(
@@ -55,15 +57,22 @@ def write_choice_layer(
 class ChoiceLayer:
     """One choice of a front, or two, with their motions on the timeline ``motion``.
 
-    On all others of the ``recorded`` run the arms stand still.
+    On all others of the ``recorded`` run, if there is one, the arms stand still. Axes hold the motions of points
+    ``around`` them, too.
     """
 
     front: Front
     choices: tuple[Choice, ...]
-    recorded: RecordedRun
+    recorded: RecordedRun | None = None
+    around: tuple[RecordedPoint, ...] = ()
 
     def log(self, stream: rr.RecordingStream) -> None:
         """Draw the front with the choices, what is to be known of them, and their arms."""
+        self.log_front(stream)
+        self.log_choices(stream)
+
+    def log_front(self, stream: rr.RecordingStream) -> None:
+        """Draw the front on its axes, for all times."""
         self._legend.log(stream)
         self.scene.log_axes(stream, self._canvases, static=True)
         front = self.front
@@ -75,6 +84,12 @@ class ChoiceLayer:
                 self._parallel.lines(front.objectives, SCREEN.lines, 0.6, 1.0),
                 static=True,
             )
+
+    def log_choices(self, stream: rr.RecordingStream, times: Times = NO_TIMES) -> None:
+        """Draw the choices, for all times, and their arms along their motions, at ``times`` too.
+
+        Where that was done before with other choices of the layer, what is drawn now takes their place.
+        """
         for root, choice, point, motions in zip(ROOTS, self.choices, self._points, self._motions, strict=False):
             self.scene.log_points(
                 stream,
@@ -89,19 +104,27 @@ class ChoiceLayer:
                 colour = SCREEN.chosen if root == ROOTS[0] else SCREEN.compared
                 lines = self._parallel.lines(choice.objectives[None], colour, 2.2, 4.0)
                 stream.log(f"{self._parallel.entity}/{root}", lines, static=True)
-            words = choice_text(front, choice, title="chosen" if root == ROOTS[0] else "compared")
+            words = choice_text(self.front, choice, title="chosen" if root == ROOTS[0] else "compared")
             stream.log(f"{root}/text", rr.TextDocument(words, media_type="text/markdown"), static=True)
             if motions is not None and point.motion is not None:
-                motions.log(stream)
-                for timeline, kind in {**self.recorded.timelines, "motion": "duration"}.items():
-                    stream.set_time(timeline, **{kind: 0})
-                motions.log_whole(stream, [point])
-                stream.reset_time()
-                times = point.motion.time - point.motion.time[0]
-                motions.send(stream, point, [rr.TimeColumn("motion", duration=times)])
+                self._log_motion(stream, motions, point, times)
+
+    def _log_motion(self, stream: rr.RecordingStream, motions: MotionScene, point: RecordedPoint, times: Times) -> None:
+        """Let the arm of a point move, and stand still on the recording's timelines."""
+        assert point.motion is not None
+        motions.log(stream)
+        timelines = {} if self.recorded is None else self.recorded.timelines
+        for timeline, kind in {**timelines, "motion": "duration"}.items():
+            stream.set_time(timeline, **{kind: 0})
+        motions.log_whole(stream, [point])
+        stream.reset_time()
+        samples = point.motion.time - point.motion.time[0]
+        times = np.union1d(samples, times)
+        rows = np.searchsorted(samples, times, side="right") - 1  # the sample that the arm has come to
+        motions.send(stream, point, [rr.TimeColumn("motion", duration=times)], rows)
 
     def blueprint(self) -> rrb.Blueprint:
-        """Return the layout, with the views of the recorded run as a second tab."""
+        """Return the layout, with the views of the recorded run, if there is one, as a second tab."""
         arms = [
             (motions.view(), [chart.view() for chart in motions.charts.values()])
             for motions in self._motions
@@ -114,7 +137,7 @@ class ChoiceLayer:
         below: list[rrb.View] = [] if self._parallel is None else [self._parallel.view()]
         front = self.scene.view() if self._canvases else None
         name = " beside ".join(f"point {choice.id}" for choice in self.choices)
-        tab = recorded_tab(self.scene, self._motions[0], self.recorded)
+        tab = None if self.recorded is None else recorded_tab(self.scene, self._motions[0], self.recorded)
         return choice_blueprint(self._legend, front, below, arms, texts, name=name, recorded=tab)
 
     @property
@@ -140,7 +163,7 @@ class ChoiceLayer:
     @cached_property
     def _motions(self) -> list[MotionScene | None]:
         """The arms of the choices, on the same axes; None without a workcell or motions."""
-        cell = workcell_of(self.front.problem)
+        cell = workcell_of_front(self.front)
         if cell is None or any(point.motion is None for point in self._points):
             return [None] * len(self.choices)
         return [self._scene_of(cell, number) for number in range(len(self.choices))]
@@ -149,7 +172,7 @@ class ChoiceLayer:
         return MotionScene(
             workcell=cell,
             names=tuple(self.front.names),
-            points=self._points,
+            points=[*self._points, *self.around],
             title=f"point {self.choices[number].id}",
             root=f"{ROOTS[number]}/",
         )

@@ -76,7 +76,8 @@ class Chart:
 
     def draw(self, recording: rr.RecordingStream, instants: Times, curves: Series, *, static: bool = False) -> None:
         """Draw curves (curves, instants) and their names, at the current time or for all times."""
-        strips = [self.canvas.place(_finite_points(instants, curve)) for curve in curves]
+        low, high = self.canvas.low, self.canvas.high  # what leaves the picture runs along its edge
+        strips = [self.canvas.place(np.clip(_finite_points(instants, curve), low, high)) for curve in curves]
         lines: Any = rr.LineStrips2D(strips, colors=list(self.colours), radii=rr.Radius.ui_points(1.2), draw_order=1.0)
         if self.dots:
             colours = [colour for colour, strip in zip(self.colours, strips, strict=True) for _ in strip]

@@ -188,7 +188,7 @@ class FinishedSearch:
     def _shown(self) -> Objectives:
         fronts = [each.front for each in self.generations]
         fronts += [] if self.end.front is None else [self.end.front.objectives]
-        if fronts and len(fronts[-1]):
+        if fronts and len(fronts[-1]) and self.scene.timeline != "refinement":  # of which both are looked at
             return replay_window(fronts)
         return np.concatenate([np.empty((0, len(self.scene.names))), *fronts])
 
@@ -202,7 +202,7 @@ class FinishedSearch:
 
     @cached_property
     def _clock(self) -> ReplayClock:
-        return ReplayClock.of(self.generations)
+        return ReplayClock.of([each.points for each in self.generations])
 
     @cached_property
     def _charts(self) -> list[DrawnChart]:

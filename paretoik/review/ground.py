@@ -12,17 +12,23 @@ from paretoik.arrays import Vector3
 from paretoik.review.drawn_axes import nice_ticks, tick_text
 from paretoik.review.palette import SCREEN
 
+METRES = ("x [m]", "y [m]", "z [m]")
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Ground:
-    """The box from ``low`` to ``high`` (3,) [m] that a scene fills, with a grid of ``step`` [m] below it."""
+    """The box from ``low`` to ``high`` (3,) [m] that a scene fills, with a grid of ``step`` [m] below it.
+
+    ``labels`` are those of its axes, which may count something else than metres.
+    """
 
     low: Vector3
     high: Vector3
     step: float
+    labels: tuple[str, str, str] = METRES
 
     @staticmethod
-    def around(points: np.ndarray) -> Ground:
+    def around(points: np.ndarray, *, labels: tuple[str, str, str] = METRES) -> Ground:
         """Return the ground of points (points, 3), its corners on round lengths, and not above 0 where all is near."""
         low, high = points.min(axis=0), points.max(axis=0)
         width = max(float((high - low).max()), 1e-6)
@@ -30,7 +36,9 @@ class Ground:
         middle, half = (low + high) / 2, np.maximum((high - low) / 2, 0.2 * width)
         low, high = np.minimum(low, middle - half), np.maximum(high, middle + half)
         low[2] = min(float(points[:, 2].min()), 0.0) if points[:, 2].min() < width else low[2]
-        return Ground(low=np.floor(low / step + 1e-6) * step, high=np.ceil(high / step - 1e-6) * step, step=step)
+        return Ground(
+            low=np.floor(low / step + 1e-6) * step, high=np.ceil(high / step - 1e-6) * step, step=step, labels=labels
+        )
 
     def log(self, recording: rr.RecordingStream, entity: str) -> None:
         """Draw grid, ticks and labels, for all times."""
@@ -49,7 +57,7 @@ class Ground:
         names = [((x0 + x1) / 2, y0 - 2.6 * beside, z0), (x1 + 2.6 * beside, (y0 + y1) / 2, z0), (x0, y0, z1 + beside)]
         text = rr.Points3D(
             places + names,
-            labels=[*words, "x [m]", "y [m]", "z [m]"],
+            labels=[*words, *self.labels],
             show_labels=True,
             colors=[SCREEN.frame] * len(words) + [SCREEN.text] * 3,
             radii=rr.Radius.ui_points(0.0),

@@ -6,12 +6,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from paretoik.arrays import Times, Values
 from paretoik.review.curve_charts import Chart, LimitLine
 from paretoik.review.palette import SCREEN
 from paretoik.review.workcell import Workcell
+from paretoik.robot.arm import Arm
 from paretoik.task.limits import JOINT_UNITS
 
 CurvedMotion = tuple[np.ndarray, Mapping[str, np.ndarray]]  # times (time,), and (time, dof) by kind
@@ -24,7 +25,7 @@ def joint_charts(root: str, cell: Workcell, motions: Sequence[CurvedMotion]) -> 
     Accelerations and powers are drawn where they are limited.
     """
     charts = {}
-    sliding = np.array([kind == "prismatic" for kind in cell.arm.joint_types])
+    sliding = is_sliding(cell.arm)
     for kind, units in JOINT_UNITS.items():
         if not motions or (kind not in ALWAYS and kind not in cell.bounds):
             continue
@@ -33,7 +34,7 @@ def joint_charts(root: str, cell: Workcell, motions: Sequence[CurvedMotion]) -> 
         charts[kind] = Chart(
             entity=f"{root}/{kind}",
             title=title,
-            labels=("time [s]", f"{title} [{' or '.join(_units(units, sliding))}]"),
+            labels=("time [s]", f"{title} [{joint_units(cell.arm, units)}]"),
             shown=np.concatenate([_points(time, curves[kind]) for time, curves in motions]),
             names=cell.arm.joint_names,
             colours=[SCREEN.joint(number) for number in range(cell.arm.dof)],
@@ -46,12 +47,11 @@ def posture_chart(
     cell: Workcell, values: Values, postures: Float[np.ndarray, "points dof"], label: str
 ) -> tuple[Chart, np.ndarray, np.ndarray]:
     """Return the joint positions of postures (points, dof) over values of an objective, as a chart and its curves."""
-    sliding = np.array([kind == "prismatic" for kind in cell.arm.joint_types])
     chart = Chart(
         entity="postures",
         dots=True,
         title="joint position over the front",
-        labels=(label, f"joint position [{' or '.join(_units(JOINT_UNITS['position'], sliding))}]"),
+        labels=(label, f"joint position [{joint_units(cell.arm, JOINT_UNITS['position'])}]"),
         shown=np.stack([np.repeat(values, postures.shape[1]), postures.ravel()], axis=1),
         names=cell.arm.joint_names,
         colours=[SCREEN.joint(number) for number in range(cell.arm.dof)],
@@ -84,9 +84,15 @@ def limit_lines(cell: Workcell, kind: str, end: float) -> list[LimitLine]:
     ]
 
 
-def _units(units: tuple[str, str], sliding: np.ndarray) -> list[str]:
-    turning, straight = units
-    return list(dict.fromkeys([turning] * bool((~sliding).any()) + [straight] * bool(sliding.any())))
+def joint_units(arm: Arm, units: tuple[str, str]) -> str:
+    """Return the units of an arm's joints of two, of turning and of sliding ones."""
+    (turning, straight), sliding = units, is_sliding(arm)
+    return " or ".join(dict.fromkeys([turning] * bool((~sliding).any()) + [straight] * bool(sliding.any())))
+
+
+def is_sliding(arm: Arm) -> Bool[np.ndarray, " dof"]:
+    """Say which joints slide."""
+    return np.array([kind == "prismatic" for kind in arm.joint_types])
 
 
 def _points(time: Times, values: Float[np.ndarray, "time dof"]) -> np.ndarray:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from paretoik.review.motion_scene import MotionScene
 from paretoik.review.palette import SCREEN, Colour
 from paretoik.review.search_scene import SearchScene
+from paretoik.review.workcell import Workcell
 
 Entry = tuple[str, Colour]
 
@@ -23,6 +24,40 @@ def search_entries(scene: SearchScene, motions: MotionScene | None, *, chosen: s
         if len(scene.names) > 1:
             entries += [(f"best {name}", SCREEN.end(axis)) for axis, name in enumerate(scene.names)]
     return entries + ([] if motions is None else motion_entries(motions, chosen))
+
+
+def plan_entries(motions: MotionScene | None) -> list[Entry]:
+    """Return what is drawn of a plan in which colour."""
+    entries: list[Entry] = [
+        ("start", SCREEN.population),
+        ("what it led to", SCREEN.front),
+        ("start that led to no optimum", SCREEN.failed),
+        ("best", SCREEN.chosen),
+        ("values of the optima", SCREEN.final),
+    ]
+    arms = [] if motions is None else [*motion_entries(motions, "best"), ("arm of the start", SCREEN.end(0))]
+    return entries + arms
+
+
+def resolution_entries(motions: MotionScene, first: str, others: Sequence[str]) -> list[Entry]:
+    """Return what is drawn of resolved motions in which colour; the ``first`` is drawn solid."""
+    named: list[Entry] = [(first, SCREEN.chosen)] if others else []
+    named += [(name, SCREEN.end(axis)) for axis, name in enumerate(others)]
+    return [*named, ("step that was not simply done", SCREEN.failed), *motion_entries(motions, first)]
+
+
+def maxima_entries(cell: Workcell, word: str) -> list[Entry]:
+    """Return what is drawn of directional maxima in which colour."""
+    entries: list[Entry] = [
+        (f"highest {word}s so far", SCREEN.front),
+        ("this direction", SCREEN.chosen),
+        ("all directions", SCREEN.final),
+        ("arm in the posture of this direction", SCREEN.arm),
+        ("postures of those before", SCREEN.ghost),
+        ("position of the tool", SCREEN.target),
+        ("limits: dashed", SCREEN.text),
+    ]
+    return entries + ([("obstacle", SCREEN.obstacle)] if cell.obstacles else [])
 
 
 def motion_entries(motions: MotionScene, chosen: str) -> list[Entry]:

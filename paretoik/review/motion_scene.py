@@ -28,7 +28,7 @@ class MotionScene:
     """Motions of a workcell's arm, of the best points of the objectives called ``names`` and of a chosen one.
 
     Axes hold all motions of ``points``, at least one of the chosen. Everything is drawn at entities that begin with
-    ``root``.
+    ``root``; those of other points than the chosen have a ``prefix`` and a name.
     """
 
     workcell: Workcell
@@ -36,6 +36,7 @@ class MotionScene:
     points: Sequence[RecordedPoint]
     title: str = "arm"
     root: str = ""
+    prefix: str = "best "
 
     def view(self) -> rrb.View:
         """Return the view of the arm."""
@@ -133,7 +134,7 @@ class MotionScene:
 
     def layer(self, point: RecordedPoint) -> str:
         """Return the part of entity paths that a point's arm has."""
-        return CHOSEN if point.axis is None else f"best {entity_names(self.names)[point.axis]}"
+        return CHOSEN if point.axis is None else self.prefix + entity_names(self.names)[point.axis]
 
     @cached_property
     def drawing(self) -> ArmDrawing:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
+from jaxtyping import Int
 
 from paretoik.arrays import Objectives, Values
 from paretoik.review.curve_charts import TOTAL
@@ -63,12 +63,7 @@ class ParallelAxes:
         """Return a line a point of F (points, n_obj), evenly picked ones of many."""
         finite = F[np.isfinite(F).all(axis=1)]
         inside = finite[((finite >= self.low) & (finite <= self.high)).all(axis=1)]
-        rows: Any = (
-            np.unique(np.linspace(0, len(inside) - 1, DRAWING.parallel_lines).round().astype(int))
-            if len(inside)
-            else []
-        )
-        heights = self._upwards(inside[rows], self.low, self.high)
+        heights = self._upwards(inside[drawn_rows(len(inside))], self.low, self.high)
         strips = [np.stack([self._x, each], axis=1) for each in heights]
         return rr.LineStrips2D(strips, colors=colour, radii=rr.Radius.ui_points(radius), draw_order=order)
 
@@ -88,3 +83,9 @@ class ParallelAxes:
         """How far every second label is moved up, where neighbours would overlap."""
         room = TOTAL[0] / len(self.labels)
         return TEXT.line if TEXT.character * max(map(len, self.labels)) > room - 10.0 else 0.0
+
+
+def drawn_rows(count: int) -> Int[np.ndarray, " rows"]:
+    """Return the rows of so many points that have a line."""
+    rows = np.linspace(0, max(count - 1, 0), min(DRAWING.parallel_lines, count))
+    return np.unique(rows.round().astype(int))

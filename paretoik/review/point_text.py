@@ -14,9 +14,9 @@ from paretoik.review.screen_text import screen_text
 from paretoik.review.search_charts import front_size
 from paretoik.review.search_scene import SearchScene
 
-SETTINGS = ("population", "generations", "seed", "points", "refine", "solver", "weights", "warm_start")
+SETTINGS = ("population", "generations", "seed", "points", "starts", "refine", "solver", "weights", "warm_start")
 
-COUNTS = ("generations", "evaluations", "steps", "levels", "converged", "improved", "seconds")
+COUNTS = ("generations", "evaluations", "steps", "levels", "starts", "optima", "converged", "improved", "seconds")
 FACTS = {"problem": "problem", "status": "ended by"}
 
 
@@ -42,7 +42,7 @@ def _point_text(front: Front, row: int, title: str, reason: str) -> str:
             f"## Certificate\n\nNone: the point was not refined. Largest violation at samples: "
             f"{front.violation[row]:.2g} of a limit's range."
         )
-    parts.append(_run(front.provenance))
+    parts.append(run_text(front.provenance))
     return screen_text("\n\n".join(part for part in parts if part))
 
 
@@ -134,7 +134,8 @@ def _rates(front: Front, row: int) -> str:
     return "## Exchange rates\n\n" + "\n".join(lines) if lines else ""
 
 
-def _run(provenance: Mapping[str, Any]) -> str:
+def run_text(provenance: Mapping[str, Any]) -> str:
+    """Return what is to be known of a run: its problem, settings, and how long it took; "" for nothing."""
     settings = dict(provenance.get("settings") or {})
     shown = [f"- {name.replace('_', ' ')}: {settings[name]}" for name in SETTINGS if settings.get(name) is not None]
     counts = provenance.get("counts") or {}

@@ -22,8 +22,8 @@ WIDTHS = (600.0, 600.0, 400.0)
 class Layout:
     """The views of a recording: the ``front`` above its ``charts``, the ``arm`` above its ``joints``, then ``texts``.
 
-    ``timeline`` is the one that plays, from ``start`` on, or from its beginning; ``further`` views are tabs beside all
-    of these.
+    ``timeline`` is the one that plays, from ``start`` on, or from its beginning, so many ``frames`` a second of one
+    that counts; ``further`` views are tabs beside all of these.
     """
 
     legend: Legend
@@ -36,6 +36,7 @@ class Layout:
     start: int | None = None
     end: int = 0
     name: str = "search"
+    frames: float = DRAWING.frames
     further: Sequence[rrb.Container] = field(default_factory=tuple)
 
     def blueprint(self) -> rrb.Blueprint:
@@ -65,13 +66,13 @@ class Layout:
 
     def _time_panel(self) -> rrb.TimePanel:
         if self.start is None:
-            return rrb.TimePanel(timeline=self.timeline, state="collapsed", fps=DRAWING.frames)
+            return rrb.TimePanel(timeline=self.timeline, state="collapsed", fps=self.frames)
         # A viewer begins at the start of what it loops over.
         selection = rrb.components.AbsoluteTimeRange(min=self.start, max=max(self.end, self.start + 1))
         return rrb.TimePanel(
             timeline=self.timeline,
             state="collapsed",
-            fps=DRAWING.frames,
+            fps=self.frames,
             play_state="playing",
             loop_mode="selection",
             time_selection=selection,
@@ -86,9 +87,9 @@ def choice_blueprint(
     texts: Sequence[rrb.View],
     *,
     name: str,
-    recorded: rrb.Container,
+    recorded: rrb.Container | None,
 ) -> rrb.Blueprint:
-    """Return the layout of a choice, or of two beside each other, on a common time; ``recorded`` is the second tab.
+    """Return the layout of a choice, or of two beside each other, on a common time; ``recorded`` may be a second tab.
 
     Of one, words stand beside the arm; of two, below the front.
     """
@@ -103,7 +104,7 @@ def choice_blueprint(
         shares = [legend.height, BODY - legend.height]
         body = rrb.Vertical(legend.view(), rrb.Horizontal(*columns), row_shares=shares, name=name)
     return rrb.Blueprint(
-        rrb.Tabs(body, recorded),
+        body if recorded is None else rrb.Tabs(body, recorded),
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),
         rrb.TimePanel(timeline="motion", state="collapsed", fps=DRAWING.frames),

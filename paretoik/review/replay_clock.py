@@ -9,7 +9,6 @@ import numpy as np
 
 from paretoik.arrays import Times
 from paretoik.review.recorded_point import RecordedPoint
-from paretoik.review.recorder import Generation
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,16 +26,16 @@ OPTIONS = ReplayOptions()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ReplayClock:
-    """When each of ``generations`` begins [s], which of them move, and when all are over."""
+    """When each of some generations begins [s], which of them move, and when all are over."""
 
     begins: Times
     moving: frozenset[int]
     end: float
 
     @staticmethod
-    def of(generations: Sequence[Generation]) -> ReplayClock:
-        """Return the clock of generations: those that move are spread evenly over those that have motions."""
-        able = [i for i, each in enumerate(generations) if has_motions(each.points)]
+    def of(generations: Sequence[Sequence[RecordedPoint]]) -> ReplayClock:
+        """Return the clock of the points of generations: those that move are spread evenly over those with motions."""
+        able = [i for i, points in enumerate(generations) if has_motions(points)]
         picked = np.unique(
             np.linspace(0, max(len(able) - 1, 0), min(len(able), OPTIONS.generations)).round().astype(int)
         )

@@ -10,9 +10,11 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import Times
+from paretoik.front.front import Front
 from paretoik.robot.arm import Arm
 from paretoik.task.differences import Differences
 from paretoik.task.limits import Bounds, Limits
+from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.obstacles import Obstacle
 
@@ -65,6 +67,14 @@ def workcell_of(problem: Any) -> Workcell | None:
         directions=_in_space(np.asarray(getattr(problem, "directions", np.zeros((0, 3))))),
         bounds=Limits(velocity=np.inf, torque=np.inf).bounds(arm, 1),
     )
+
+
+def workcell_of_front(front: Front) -> Workcell | None:
+    """Return the workcell of a front's problem, of one without a problem its arm alone; None without an arm."""
+    cell = workcell_of(front.problem)
+    if cell is None and isinstance(front.motions, Motion):
+        return Workcell(arm=front.motions.arm)
+    return cell
 
 
 def _in_space(points: np.ndarray) -> np.ndarray:

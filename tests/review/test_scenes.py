@@ -11,10 +11,9 @@ from paretoik.review.recorded_point import record_motion
 from paretoik.review.recorded_views import read_recorded
 from problems.kim_2021 import directions_dam, point_to_point_dam
 from problems.marcos_2012 import loop
-from tests.review.reading import read, rows, shown, views
+from tests.review.reading import FRAME, blank_views, missing_entities, read, rows, shown, views
 
 SECOND = 1_000_000_000  # durations are nanoseconds
-FRAME = ("/grid", "/labels", "/axes/lines")  # of charts, which alone are no picture
 
 
 def planar() -> pk.Tracking:
@@ -70,13 +69,7 @@ def run(request, tmp_path_factory):
 
 
 def test_no_view_is_blank_at_any_instant(run):
-    _, _, file = run
-    entities = read(file)
-    for timeline, times in INSTANTS.items():
-        for time in times:
-            for view, origin in views(file).items():
-                drawn = [path for path in shown(entities, origin, timeline, time) if not path.endswith(FRAME)]
-                assert drawn, (view, origin, timeline, time)
+    assert not blank_views(run[2], INSTANTS)
 
 
 def test_everything_of_the_checklist_is_there_at_every_instant(run):
@@ -102,12 +95,11 @@ def test_everything_of_the_checklist_is_there_at_every_instant(run):
         wanted += ["/parallel/axes/labels", "/parallel/front", "/parallel/chosen"]
     fronts = rows(entities["/search/front"], "generation", "F")
     first = min(number for number, F in fronts.items() if F.size)
-    for timeline, times in INSTANTS.items():
-        for time in times:
-            if first > 1 and timeline in ("generation", "replay") and time < times[-1]:
-                continue  # nothing was feasible in the beginning
-            missing = [path for path in wanted if not shown(entities, path, timeline, time)]
-            assert not missing, (timeline, time)
+    late = {
+        timeline: times[-1:] if first > 1 and timeline in ("generation", "replay") else times  # nothing was feasible
+        for timeline, times in INSTANTS.items()
+    }
+    assert not missing_entities(file, wanted, late)
 
 
 def test_the_words_are_those_of_what_is_shown(run):
