@@ -78,10 +78,10 @@ def _beside(folder: Path, id: int) -> Path:
 def _draw(front: Front, folder: Path, place: Path) -> None:
     """Draw the pictures that the run had anew."""
     if (folder / PICTURE).exists():
-        from paretoik.review.plots import front_picture  # here: matplotlib takes its time
+        from paretoik.review.pictures.plots import front_picture  # here: matplotlib takes its time
 
         front_picture(front, place / PICTURE, front.navigated)
     if (folder / CERTIFICATES).exists():
-        from paretoik.review.certificate_plots import certificates_picture
+        from paretoik.review.pictures.certificate_plots import certificates_picture
 
         certificates_picture(front, place / CERTIFICATES)

@@ -9,9 +9,9 @@ import numpy as np
 from paretoik.api.progress import count_observer
 from paretoik.api.run_session import RunSession
 from paretoik.review.palette import objective_label
-from paretoik.review.planned import PlanEnd, PlannedLevel, PlannedMotions, PlannedOptimum, PlannedScene
-from paretoik.review.recorded_point import RecordedPoint, record_motion
-from paretoik.review.workcell import workcell_of
+from paretoik.review.recording.planned import PlanEnd, PlannedLevel, PlannedMotions, PlannedOptimum, PlannedScene
+from paretoik.review.recording.recorded_point import RecordedPoint, record_motion
+from paretoik.review.recording.workcell import workcell_of
 from paretoik.run_files import DRAWING
 from paretoik.trajectory.level_progress import LevelProgress
 from paretoik.trajectory.levels import OPTIONS
@@ -51,7 +51,7 @@ class PlanDisplay:
         self._session.finish_recording(_plan_end(plan))
         if self._session.signal is not None:
             return
-        from paretoik.review.plan_picture import plan_picture  # here: matplotlib takes its time
+        from paretoik.review.pictures.plan_picture import plan_picture  # here: matplotlib takes its time
 
         plan_picture(plan, self._levels, self._label, self._session.folder / DRAWING)
 

@@ -16,7 +16,7 @@ from paretoik.front.front import Front
 from paretoik.front.joint_motions import StoredMotions
 from paretoik.inputs import file_path
 from paretoik.review.limits_between import describe_limits_between
-from paretoik.review.report import Report, Steps
+from paretoik.review.report.report import Report, Steps
 from paretoik.run_files import REPORT, STEPS
 
 STEP_PARTS = ("chosen", "best", "worst")  # columns of a closed loop's table of steps

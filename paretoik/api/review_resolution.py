@@ -8,8 +8,8 @@ from typing import Any
 from paretoik.api.run_session import RunSession
 from paretoik.resolution.resolve import Resolution
 from paretoik.resolution.traces import ResolvedMotion
-from paretoik.review.resolved import ResolutionEnd, ResolvedScene, record_traces
-from paretoik.review.workcell import workcell_of
+from paretoik.review.recording.resolved import ResolutionEnd, ResolvedScene, record_traces
+from paretoik.review.recording.workcell import workcell_of
 from paretoik.run_files import DRAWING
 
 
@@ -41,7 +41,7 @@ def review_resolution(motion: ResolvedMotion, resolution: Resolution, session: R
     if session.folder is None:
         return
     record_motions(motion, {**session.provenance, "status": "resolved"}, session)
-    from paretoik.review.resolution_picture import resolution_picture  # here: matplotlib takes its time
+    from paretoik.review.pictures.resolution_picture import resolution_picture  # here: matplotlib takes its time
 
     while motion.q.ndim > 2:
         motion = motion[0]

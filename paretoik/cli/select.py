@@ -105,7 +105,7 @@ def select(
         with open_observer(not quiet) as observe:
             selected, choice = select_point(front, preference, out=out, overwrite=overwrite, observe=observe or False)
         if picture is not None:
-            from paretoik.review.plots import front_picture
+            from paretoik.review.pictures.plots import front_picture
 
             front_picture(selected, picture, choice)
     if as_json:
