@@ -20,7 +20,7 @@ from paretoik.arrays import Times
 from paretoik.errors import InvalidInput
 from paretoik.front.front import Choice, Front
 from paretoik.review.drawn_axes import Canvas
-from paretoik.review.legend import Legend
+from paretoik.review.legend import WIDTH, Legend
 from paretoik.review.legend_entries import choice_entries
 from paretoik.review.motion_scene import MotionScene
 from paretoik.review.palette import SCREEN
@@ -65,12 +65,15 @@ def write_choice_layer(
 class ChoiceLayer:
     """One choice of a front, or two, with their motions on the timeline ``motion``.
 
-    Axes hold the motions of points ``around`` them, too.
+    ``names`` are what the choices are called, by default points with their ids. Axes hold the motions of points
+    ``around`` them, too. The layout is for a viewer so many pixels wide, ``width``.
     """
 
     front: Front
     choices: tuple[Choice, ...]
+    names: tuple[str, ...] = ()
     around: tuple[RecordedPoint, ...] = ()
+    width: float = WIDTH
 
     def log(self, stream: rr.RecordingStream) -> None:
         """Draw the front with the choices, what is to be known of them, and their arms."""
@@ -137,14 +140,15 @@ class ChoiceLayer:
             if motions is not None
         ]
         texts = [
-            rrb.TextDocumentView(origin=f"{root}/text", name=f"point {choice.id}")
-            for root, choice in zip(ROOTS, self.choices, strict=False)
+            rrb.TextDocumentView(origin=f"{root}/text", name=name)
+            for root, name in zip(ROOTS, self._names, strict=False)
         ]
         below: list[rrb.View] = [] if self._parallel is None else [self._parallel.view()]
         front = self.scene.view() if self._canvases else None
-        name = " beside ".join(f"point {choice.id}" for choice in self.choices)
+        name = " beside ".join(self._names)
         tab = None if recorded is None else recorded_tab(self.scene, self._motions[0], recorded)
-        return choice_blueprint(self._legend, front, below, arms, texts, name=name, recorded=tab)
+        narrow = self.width < WIDTH
+        return choice_blueprint(self._legend, front, below, arms, texts, name=name, recorded=tab, narrow=narrow)
 
     @property
     def scene(self) -> SearchScene:
@@ -179,12 +183,15 @@ class ChoiceLayer:
             workcell=cell,
             names=tuple(self.front.names),
             points=[*self._points, *self.around],
-            title=f"point {self.choices[number].id}",
+            title=self._names[number],
             root=f"{ROOTS[number]}/",
         )
 
     @property
     def _legend(self) -> Legend:
         motions = next((each for each in self._motions if each is not None), None)
-        names = [f"point {choice.id}" for choice in self.choices]
-        return Legend(entity=f"{ROOTS[0]}/legend", entries=choice_entries(names, motions))
+        return Legend(entity=f"{ROOTS[0]}/legend", entries=choice_entries(self._names, motions), width=self.width)
+
+    @property
+    def _names(self) -> tuple[str, ...]:
+        return self.names or tuple(f"point {choice.id}" for choice in self.choices)
