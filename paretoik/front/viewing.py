@@ -19,7 +19,7 @@ def view(
     *,
     on_select: Callable[[Ids], object] | None = None,
     width: int | Literal["auto"] = "auto",
-    height: int | Literal["auto"] = 760,
+    height: int | Literal["auto"] = 720,
 ) -> Any:
     """Return the front as a ``FrontView``, which a notebook shows as the Rerun viewer: pick a point, get its id.
 
