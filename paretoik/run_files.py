@@ -34,6 +34,7 @@ DRAWING = "picture.png"
 CHECKPOINT = "checkpoint"
 CHOICES = "choices.json"
 REPORT = "report.html"
+FORMER = ".former-run"  # a folder in it: the run that a new one replaces, until that has a result
 CONTENTS = (
     RUN,
     TABLE,
@@ -92,7 +93,10 @@ def read_run(file: Path, *, kind: str = "a run") -> dict[str, Any]:
 
     Raises InvalidRun where the file is missing, a link, no strict JSON, no run, or of another format.
     """
-    content = read_plain_file(file)
+    try:
+        content = read_plain_file(file)
+    except InvalidRun as fault:
+        raise InvalidRun(f"{fault}{former_note(file.parent)}") from None
     try:
         run = json.loads(content, parse_constant=_refuse_constant)
     except (ValueError, RecursionError) as fault:
@@ -112,11 +116,28 @@ def check_digest(file: Path, run: dict[str, Any]) -> None:
 
 def is_run(file: Path) -> bool:
     """Say whether a file is the `run.json` of some version of this format."""
+    return _entries(file) is not None
+
+
+def has_result(folder: Path) -> bool:
+    """Say whether a folder holds a run with a result; one of another version of this format may have one."""
+    run = _entries(folder / RUN)
+    return run is not None and ("files" in run or run["format"] != FORMAT)
+
+
+def former_note(folder: Path) -> str:
+    """Say where the run is that the one in a folder replaces, if it is still kept, to be added to an error."""
+    former = folder / FORMER
+    return f"; the run that it was to replace is in {former}" if is_run(former / RUN) else ""
+
+
+def _entries(file: Path) -> dict[str, Any] | None:
+    """Return the entries of a `run.json` of some version of this format, unchecked; None where it is none."""
     try:
         run = json.loads(file.read_bytes())
     except (OSError, ValueError, RecursionError):
-        return False
-    return isinstance(run, dict) and "format" in run
+        return None
+    return run if isinstance(run, dict) and "format" in run else None
 
 
 def digest(run: Mapping[str, Any]) -> str:

@@ -43,9 +43,10 @@ def export(
     folder); else the ending of ``file`` says it. Columns are in the order of the arm's joints, or of ``joint_names``.
 
     ``controller``, one of ``pk.controllers`` or its name, or "franka", "ur" or "kinova", gives the rate where there is
-    none, and its limits hold every sample: positions; velocities, accelerations and jerks, as differences of what is
-    sent and of the curve; torques of an arm with masses; rest at both ends. Without one nothing is checked. At a lower
-    rate than its own the controller interpolates between samples, and that is not checked.
+    none, and the motion keeps its limits, looked at at the controller's own rate whatever ``rate`` is: positions;
+    velocities, accelerations and jerks, as differences of what is sent and of the curve; torques of an arm with masses;
+    rest at both ends. Without one nothing is checked. From samples at a lower rate the controller interpolates a motion
+    of its own, and that is not checked.
 
     ``time_scale`` ≥ 1 slows the motion down; with ``slow_down`` it is slowed down further, as little as the limits ask
     for; ``ramp`` [s] lets it start from rest and come to rest, each within that time. All three keep to the curve, and
@@ -76,6 +77,7 @@ def export(
     made = {
         "arm": one.arm.name,
         "controller": None if its is None else its.name,
+        "controller rate": None if its is None else its.rate,
         "rate": scaling.rate,
         "time_scale": scaling.factor,
         "ramp": scaling.ramp,

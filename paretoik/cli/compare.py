@@ -28,9 +28,11 @@ def compare(
     """Compare the fronts of runs: hypervolume, coverage, additive epsilon, and the settings that differ."""
     with redirect_stdout(sys.stderr):
         from paretoik.api.compare import compare as compare_fronts
-        from paretoik.execution.run_folder import claim_folder
+        from paretoik.execution.run_folder import check_other_folder, claim_folder
         from paretoik.front.comparison_text import comparison_entries
 
+        if merge is not None:
+            check_other_folder("merge", merge, *runs)
         comparison = compare_fronts(*runs, labels=None if labels is None else labels.split(","))
         if merge is not None:
             merged = comparison.merged

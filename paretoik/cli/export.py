@@ -106,4 +106,9 @@ def _text(trajectory: JointTrajectory, place: Path) -> str:
     else:
         uses = ", ".join(f"{kind} {100 * use:.3g} %" for kind, use in made["use of limits"].items())
         lines.append(f"within the limits of {made['controller']}, of which it uses: {uses}")
+        if made["rate"] < made["controller rate"]:
+            lines.append(
+                f"that is the motion at the controller's {made['controller rate']:g} Hz; how it interpolates between "
+                f"these samples at {made['rate']:g} Hz is not checked"
+            )
     return "\n".join(lines)

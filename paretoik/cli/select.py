@@ -24,7 +24,7 @@ def select(
         str | None, typer.Option(help="Least weighted sum; who is missing has 0.", metavar=NUMBERS)
     ] = None,
     knee: Annotated[
-        bool, typer.Option("--knee", help="The point from which any step costs more than it gains.")
+        bool, typer.Option("--knee", help="The point from which any step costs the most beside what it gains.")
     ] = False,
     compromise: Annotated[
         bool,
@@ -51,7 +51,9 @@ def select(
     robust: Annotated[
         str | None, typer.Option(help="Least regret where weights are not known exactly.", metavar=NUMBERS)
     ] = None,
-    uncertainty: Annotated[float, typer.Option(help="By what share the weights of --robust may be wrong.")] = 0.2,
+    uncertainty: Annotated[
+        float | None, typer.Option(help="By what share the weights of --robust may be wrong (0.2).")
+    ] = None,
     classify: Annotated[
         str | None,
         typer.Option(
@@ -75,7 +77,7 @@ def select(
 
     A closed loop is followed anew with other weights at every step.
     """
-    wishes = {
+    options = {
         "weights": weights,
         "knee": knee,
         "compromise": compromise,
@@ -85,7 +87,10 @@ def select(
         "classify": classify,
         "point": point,
         "bounds": bounds,
+        "uncertainty": uncertainty,
+        "from": start,
     }
+    wishes = {name: value for name, value in options.items() if value is not None and value is not False}
     if history or undo:
         _show_history(run, wishes, undo=undo, as_json=as_json)
         return
@@ -95,7 +100,7 @@ def select(
         from paretoik.api.select import select as select_point
         from paretoik.cli.preference_arguments import read_preference
 
-        preference = read_preference(wishes, uncertainty=uncertainty, start=start, run=run)
+        preference = read_preference(wishes, run=run)
         front = load_front(run)
         with open_observer(not quiet) as observe:
             selected, choice = select_point(front, preference, out=out, overwrite=overwrite, observe=observe or False)
@@ -116,9 +121,8 @@ def _show_history(run: Path, wishes: Mapping[str, object], *, undo: bool, as_jso
     from paretoik.front.choices import go_back, read_choices
     from paretoik.run_files import RUN, read_run
 
-    chosen = [name for name, wish in wishes.items() if wish not in (None, False)]
-    if chosen:
-        raise InvalidInput(f"select: wanted --history and --undo without a preference, got --{chosen[0]} too")
+    if wishes:
+        raise InvalidInput(f"select: wanted --history and --undo without a preference, got --{next(iter(wishes))} too")
     read_run(run / RUN)
     choices = go_back(run) if undo else read_choices(run)
     if as_json:

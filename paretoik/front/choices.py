@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from paretoik.errors import InvalidInput, InvalidRun
 from paretoik.front.choice import Choice, Preference
+from paretoik.front.subset import row_of
 from paretoik.run_files import CHOICES, RUN, check_digest, read_run, replace_file, run_bytes, to_json
 
 if TYPE_CHECKING:  # a front keeps its choices here
@@ -124,13 +125,18 @@ def keep_choice(
         warnings.warn(f"the choice is not kept: {fault}", RuntimeWarning, stacklevel=3)
 
 
-def go_back(folder: Path) -> Choices:
-    """Make the parent of the present choice the present one; raises InvalidInput where there is no choice."""
+def go_back(folder: Path, *, front: Front | None = None) -> Choices:
+    """Make the parent of the present choice the present one.
+
+    Raises InvalidInput where there is no choice, and where a ``front`` that is told does not have the parent's point.
+    """
     with _only_writer(folder):
         choices = read_choices(folder)
         if choices.chosen is None:
             raise InvalidInput(f"{folder}: wanted a choice to go back from, got none")
         choices = Choices(entries=choices.entries, current=choices.chosen.parent)
+        if front is not None and choices.chosen is not None:
+            row_of(front, choices.chosen.point, name="undo")
         _write(folder, choices)
     return choices
 

@@ -248,13 +248,13 @@ class Front:
         """Go back to the choice before the present one in the run folder, and return it; None where it was the first.
 
         Nothing is deleted: the next choice becomes another branch of the tree. Raises InvalidInput where there is no
-        choice to go back from.
+        choice to go back from, or this is a part of the run's front without the point of the one before.
         """
         from paretoik.front.choices import chosen, go_back
 
         if self.folder is None:
             raise InvalidInput("undo: wants a front that was loaded from a run folder or saved into one")
-        go_back(self.folder)
+        go_back(self.folder, front=self)
         return chosen(self)
 
     def choice(

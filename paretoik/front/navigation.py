@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from paretoik.errors import InvalidInput, check_size
+from paretoik.errors import Infeasible, InvalidInput, check_size
 from paretoik.front.certificates import WEIGHT_TOLERANCE
 from paretoik.inputs import finite_number
 
@@ -105,7 +105,10 @@ def refine_around(front: Front, choice: Choice | int, *, points: int = DEFAULTS.
         if by > 1e-6 * widths[k]:
             payers = tuple(j for j in range(len(front.names)) if j != k)
             here = int(np.flatnonzero(front.ids == id)[0])
-            front = move(front, NavigationRequest(row=here, improve=k, by=by, payers=payers))
+            try:
+                front = move(front, NavigationRequest(row=here, improve=k, by=by, payers=payers))
+            except Infeasible:  # nothing was found there; what was found before stays
+                continue
             if id not in front.ids:  # a better point came in its place
                 break
     return front

@@ -12,10 +12,13 @@ from jaxtyping import Float, Int
 
 from paretoik.arrays import Mask
 from paretoik.errors import InvalidInput
+from paretoik.front.navigation import NAVIGATIONS
 from paretoik.inputs import finite_number
 
 if TYPE_CHECKING:  # a front asks this file for its parts
     from paretoik.front.front import Front
+
+LARGEST_ID = "largest_id"  # an entry in a front's provenance
 
 Bound: TypeAlias = tuple[float | None, float | None]
 
@@ -38,8 +41,19 @@ def with_ids(front: Front, ids: Any) -> Front:
     return take(front, _rows_of(front, array, "front"))
 
 
+def largest_id(front: Front) -> int:
+    """Return the largest id that a point of a front, or of one that it is a part of, ever had; −1 where none had."""
+    moves = (int(move["to"]) for move in front.provenance.get(NAVIGATIONS, ()))
+    return max([int(front.ids.max(initial=-1)), int(front.provenance.get(LARGEST_ID, -1)), *moves])
+
+
 def take(front: Front, rows: Int[np.ndarray, " rows"]) -> Front:
-    """Return the front of some rows: ranges and provenance as before, its choices kept in the same folder."""
+    """Return the front of some rows: ranges as before, its choices kept in the same folder.
+
+    Its provenance says what the largest id of the whole was, so that new points of the part get others.
+    """
+    largest = largest_id(front)
+    note = {} if largest in front.ids[rows] else {LARGEST_ID: largest}
     part = replace(
         front,
         ids=front.ids[rows],
@@ -48,6 +62,7 @@ def take(front: Front, rows: Int[np.ndarray, " rows"]) -> Front:
         motions=None if front.motions is None else front.motions[rows],
         violation=None if front.violation is None else front.violation[rows],
         certificates=None if front.certificates is None else front.certificates[rows],
+        provenance={**front.provenance, **note},
     )
     return attach(part, front.folder)
 

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import Point, Points
-from paretoik.errors import EvaluationFailed, SolverFailed
+from paretoik.errors import EvaluationFailed
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.minimise import minimise
 from paretoik.nlp.program import Goal, Program, Solver
@@ -80,7 +80,7 @@ def move(
     arrived = followed is not None and followed.share >= 1.0
     candidates, starts = list[Point](), list[Point]()
     if followed is not None and arrived:
-        candidates.append(followed.optimum.at.x)
+        candidates.append(followed.optimum.x)
         starts += [front.x[i] for i in _rivals(program, front, candidates[0], neighbours, goal, between)]
     else:
         starts += _starts(front, start, aim, followed, neighbours, between)
@@ -91,7 +91,7 @@ def move(
         jump = not is_followed and has_barrier(program, front.x[start], best, between, aim.ranges)
         return Destination(x=best, share=1.0, followed=followed, arrived=is_followed, jump=jump)
     if followed is not None and followed.share >= OPTIONS.worthwhile:
-        return Destination(x=followed.optimum.at.x, share=followed.share, followed=followed, arrived=True, jump=False)
+        return Destination(x=followed.optimum.x, share=followed.share, followed=followed, arrived=True, jump=False)
     return None
 
 
@@ -114,13 +114,9 @@ def has_barrier(
 
 
 def _follow(program: Program, x: Point, aim: Aim) -> Continuation | None:
-    try:
-        at = program.linearise(x)
-        if not can_follow(at):
-            return None
-        optimum = guess_optimum(program, at, aim.at_share(0.0))
-    except (EvaluationFailed, SolverFailed, np.linalg.LinAlgError):
+    if not can_follow(program):
         return None
+    optimum = guess_optimum(program, x, aim.at_share(0.0))
     return None if optimum is None else follow(program, optimum, aim.at_share)
 
 
@@ -155,7 +151,7 @@ def _starts(
     """Return the points to solve from: where the branch ended, the start, neighbours, and points on the way there."""
     starts = [front.x[start]]
     if followed is not None and 0.0 < followed.share < 1.0:
-        starts.insert(0, followed.optimum.at.x)
+        starts.insert(0, followed.optimum.x)
     wish, values = aim.wish, front.objectives[:, aim.wish.improve]
     for i in neighbours:
         starts.append(front.x[i])

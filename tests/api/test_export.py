@@ -64,8 +64,10 @@ def test_columns_follow_the_joint_names_that_are_asked_for(tmp_path):
     np.testing.assert_array_equal(turned.q, own.q[:, ::-1])
 
 
-def test_limits_are_those_of_the_joints_by_name_in_whatever_order_they_are_written(tmp_path):
-    own = bench(PANDA, velocity=[9, 9, 9, 9, 9, 9, 0.1])
+@pytest.mark.parametrize("turned", [False, True])
+def test_limits_are_those_of_the_joints_by_name_in_whatever_order_they_are_written(turned, tmp_path):
+    order = slice(None, None, -1 if turned else 1)
+    own = bench(PANDA, velocity=[9, 9, 9, 9, 9, 9, 0.1][order], joint_names=PANDA.joint_names[order])
     with pytest.raises(Infeasible, match="velocity of panda_joint7"):
         pk.export(SWING, tmp_path / "a.csv", controller=own, joint_names=PANDA.joint_names[::-1])
 

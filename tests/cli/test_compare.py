@@ -17,6 +17,14 @@ def test_compare_prints_tables_draws_and_keeps_the_merged_front(paretoik, finish
     assert paretoik(*words, "--overwrite").code == 0
 
 
+def test_the_merged_front_replaces_none_of_those_that_are_compared(paretoik, finished):
+    before = {file.name: file.read_bytes() for file in finished.iterdir()}
+    ended = paretoik("compare", finished, finished, "--merge", finished, "--overwrite")
+    assert (ended.code, ended.out) == (2, "")
+    assert "merge: wants another folder than that of the run that it comes from" in ended.err
+    assert {file.name: file.read_bytes() for file in finished.iterdir()} == before
+
+
 def test_compare_as_json_holds_the_numbers(paretoik, finished):
     said = strict(paretoik("compare", finished, finished, "--json").out)
     assert said["hypervolume"] == [1.0, 1.0]

@@ -132,6 +132,15 @@ def test_a_hasty_motion_is_refused_and_the_advice_leads_to_one_that_a_franka_tak
     assert (np.abs(acceleration) <= [15, 7.5, 10, 12.5, 15, 20, 20]).all()
 
 
+def test_at_a_lower_rate_the_text_says_what_was_looked_at(paretoik, panda_run, tmp_path):
+    run, point = panda_run
+    words = "export", run, "--point", point, "--controller", "panda", "--ramp", "0.5", "--slow-down"
+    ended = paretoik(*words, "--rate", "20", "--out", tmp_path / "a.csv")
+    assert ended.code == 0
+    assert "at the controller's 1000 Hz; how it interpolates between these samples at 20 Hz is not checked" in ended.out
+    assert "checked" not in paretoik(*words, "--out", tmp_path / "b.csv").out
+
+
 def test_a_factor_that_is_advised_is_enough_and_slow_down_takes_no_more(paretoik, panda_run, tmp_path):
     run, point = panda_run
     words = "export", run, "--point", point, "--controller", "panda", "--ramp", "0.1", "--out", tmp_path / "a.npz"

@@ -94,6 +94,15 @@ def test_small_moves_cost_what_exchange_rates_say():
     assert moved.provenance["navigations"][-1]["predicted"]["manipulability"] == pytest.approx(change[1], rel=0.05)
 
 
+def test_a_part_of_a_front_gives_no_id_of_the_whole_again(plain):
+    part = plain[[id for id in plain.ids.tolist() if id != plain.ids.max()]]
+    part = part.where(kinetic_energy=(None, float(np.sort(part.objectives[:, 0])[-2])))
+    for start in part.ids.tolist()[1:3]:
+        moved = part.navigate(start, improve="kinetic_energy")
+        assert moved.provenance["navigations"][-1]["new"]
+        assert moved.navigated.id > plain.ids.max()
+
+
 def test_what_is_on_hold_gets_no_worse():
     front = pk.epsilon_front(MAKERS["three"](), points=8, starts=8, observe=False)
     start = max(front.ids, key=lambda id: front.certificates.weights[front.choice_of(int(id)).index].min())
@@ -134,6 +143,14 @@ def test_more_than_there_is_is_said_or_refused(plain):
     start = inner_points(plain)[-1]
     with pytest.raises(Infeasible, match="found no point within all limits"):
         plain.navigate(start, improve="torque_norm", by=100 * float(np.ptp(plain.ranges[1])))
+
+
+def test_along_a_front_without_curvature_a_move_leads_somewhere():
+    front = pk.epsilon_front(directions(), points=9, starts=8, observe=False, seed=3)
+    moved = front.navigate(3, improve="speed_1", by=0.00137)
+    change = moved.navigated.objectives - front[3].objectives
+    assert change[front.names.index("speed_1")] == pytest.approx(0.00137, rel=1e-5)
+    assert moved.certificates.kkt_residual[moved.navigated.index] <= 1e-6
 
 
 def test_past_kinks_it_is_solved_anew_and_said():

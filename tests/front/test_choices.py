@@ -41,6 +41,14 @@ def test_the_first_choice_can_be_taken_back_but_no_more(kept):
         kept.undo()
 
 
+def test_a_part_without_the_point_of_the_choice_before_leaves_the_present_one(kept):
+    first, second = kept.select(20), kept.select(30)
+    with pytest.raises(InvalidInput, match="undo: wanted ids of its points"):
+        kept[[second.id]].undo()
+    assert kept.choices.current == 2
+    assert kept[[first.id]].undo().id == first.id
+
+
 def test_a_preference_is_kept_as_data_in_strict_json(kept):
     kept.select(Bounds(energy=(None, 4.0), then=Weights(reach=1.0)))
     content = json.loads((kept.folder / CHOICES).read_text(), parse_constant=pytest.fail)

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from paretoik.errors import InvalidInput
+from paretoik.errors import Infeasible, InvalidInput
 from paretoik.front import Front
-from paretoik.front.certificates import Certificates
+from paretoik.front.certificates import Certificates, concatenate
 
 NAMES = ("energy", "torque", "travel")
 
@@ -120,3 +120,25 @@ def test_the_problem_is_asked_for_what_was_wished():
     near = replace(one, ranges=np.array([[0.0, 100.0], [0.0, 100.0], [-1.0, 1.0]]))
     near.navigate(7, improve="energy")
     assert problem.request.by == pytest.approx(0.5)  # half of what is left
+
+
+def test_a_share_that_leads_nowhere_costs_no_point_that_was_found():
+    class OneInThreeIsInfeasible:
+        asked = 0
+
+        def navigate(self, front, request):
+            self.asked += 1
+            if self.asked % 3 == 0:
+                raise Infeasible("navigate: found no point")
+            new = front.objectives[request.row] + np.where(np.arange(3) == request.improve, -request.by, request.by)
+            return replace(
+                front,
+                ids=np.append(front.ids, front.ids.max() + 1),
+                objectives=np.vstack([front.objectives, new]),
+                certificates=concatenate([front.certificates, front.certificates[:1]]),
+            )
+
+    problem = OneInThreeIsInfeasible()
+    denser = front(problem=problem).refine_around(7, points=4)
+    assert problem.asked == 4
+    assert len(denser) == 3 + 3
