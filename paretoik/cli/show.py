@@ -10,7 +10,7 @@ import typer
 
 from paretoik.cli.console import RunFolder
 from paretoik.errors import InvalidInput
-from paretoik.run_files import RECORDING
+from paretoik.run_files import DRAWING, RECORDING, RUN, is_run, read_run
 
 
 def show(
@@ -29,10 +29,19 @@ def show(
     """
     recording = run / RECORDING
     if not recording.is_file():
-        raise InvalidInput(f"{recording}: wanted a recording, got nothing; solve with out= to make one")
+        raise InvalidInput(f"{recording}: wanted a recording, got {_contents(run)}")
     with tempfile.TemporaryDirectory(prefix="paretoik-show-") as folder:
         layer = Path(folder) / "choice.rrd"
         _open(recording, *_layers(run, recording, layer, point, compare))
+
+
+def _contents(run: Path) -> str:
+    """Return in words what a folder without a recording holds."""
+    holds = read_run(run / RUN).get("holds") if is_run(run / RUN) else None
+    if holds is None:
+        return "nothing; solve with out= to make one"
+    picture = f"; its picture is {run / DRAWING}" if (run / DRAWING).is_file() else ""
+    return f"a run that holds {holds}{picture}"
 
 
 def _layers(run: Path, recording: Path, layer: Path, point: int | None, compare: int | None) -> list[str]:

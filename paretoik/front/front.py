@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
-from paretoik.arrays import Genes, Ids, Objectives, Values
+from paretoik.arrays import Genes, Ids, Objectives, Values, read_only
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.front.certificates import Certificates
 from paretoik.front.choice import Choice, Preference
@@ -21,7 +21,6 @@ from paretoik.front.front_arguments import (
     check_non_dominated,
     check_objectives,
     check_ranges,
-    read_only,
     sort_certificates,
     sort_motions,
     sort_rows,

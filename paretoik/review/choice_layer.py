@@ -6,7 +6,6 @@ own, which has the recording's views as a second tab. The recording itself is no
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -17,7 +16,6 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from paretoik.arrays import Times
-from paretoik.errors import InvalidInput
 from paretoik.front.front import Choice, Front
 from paretoik.review.drawn_axes import Canvas
 from paretoik.review.legend import WIDTH, Legend
@@ -28,14 +26,13 @@ from paretoik.review.parallel_axes import ParallelAxes
 from paretoik.review.point_text import choice_text
 from paretoik.review.recorded_end import chosen_point
 from paretoik.review.recorded_point import RecordedPoint
-from paretoik.review.recorded_views import recorded_tab
+from paretoik.review.recorded_views import RecordedRun, read_recorded, recorded_tab
 from paretoik.review.recording_layout import choice_blueprint
 from paretoik.review.search_scene import SearchScene
 from paretoik.review.workcell import Workcell, workcell_of_front
 
 ROOTS: tuple[Literal["choice", "compared"], ...] = ("choice", "compared")
 NO_TIMES = np.zeros(0)
-STILL = ("generation", "replay", "point")  # timelines of the recording on which the arms of the layer stand still
 
 
 def write_choice_layer(
@@ -45,18 +42,13 @@ def write_choice_layer(
 
     Raises InvalidInput where the recording cannot be read.
     """
-    try:
-        reader = rr.chunk.RrdReader(recording)
-        (store,) = reader.recordings()
-        entities = {str(chunk.entity_path) for chunk in reader.stream(store=store)}
-    except (OSError, RuntimeError, ValueError) as fault:
-        cause = (str(fault).splitlines() or [type(fault).__name__])[0]
-        raise InvalidInput(f"{recording}: wanted a recording of a run, got {cause}") from fault
-    layer = ChoiceLayer(front=front, choices=(choice,) if compare is None else (choice, compare))
-    stream = rr.RecordingStream(store.application_id, recording_id=store.recording_id, send_properties=False)
+    recorded = read_recorded(recording)
+    choices = (choice,) if compare is None else (choice, compare)
+    layer = ChoiceLayer(front=front, choices=choices, recorded=recorded)
+    stream = rr.RecordingStream(recorded.application, recording_id=recorded.identity, send_properties=False)
     stream.save(file)
     layer.log(stream)
-    stream.send_blueprint(layer.blueprint(entities), make_active=True, make_default=True)
+    stream.send_blueprint(layer.blueprint(), make_active=True, make_default=True)
     stream.flush()
     stream.disconnect()
 
@@ -65,12 +57,14 @@ def write_choice_layer(
 class ChoiceLayer:
     """One choice of a front, or two, with their motions on the timeline ``motion``.
 
-    ``names`` are what the choices are called, by default points with their ids. Axes hold the motions of points
-    ``around`` them, too. The layout is for a viewer so many pixels wide, ``width``.
+    On all others of the ``recorded`` run, if there is one, the arms stand still. ``names`` are what the choices are
+    called, by default points with their ids. Axes hold the motions of points ``around`` them, too. The layout is for a
+    viewer so many pixels wide, ``width``.
     """
 
     front: Front
     choices: tuple[Choice, ...]
+    recorded: RecordedRun | None = None
     names: tuple[str, ...] = ()
     around: tuple[RecordedPoint, ...] = ()
     width: float = WIDTH
@@ -122,9 +116,9 @@ class ChoiceLayer:
         """Let the arm of a point move, and stand still on the recording's timelines."""
         assert point.motion is not None
         motions.log(stream)
-        for timeline in STILL:
-            stream.set_time(timeline, sequence=0) if timeline != "replay" else stream.set_time("replay", duration=0.0)
-        stream.set_time("motion", duration=0.0)
+        others = {} if self.recorded is None else self.recorded.timelines
+        for timeline, kind in {**others, "motion": "duration"}.items():
+            stream.set_time(timeline, **{kind: 0})
         motions.log_whole(stream, [point])
         stream.reset_time()
         own = point.motion.time - point.motion.time[0]
@@ -132,8 +126,8 @@ class ChoiceLayer:
         rows = np.searchsorted(own, times, side="right") - 1  # the sample that the arm has come to
         motions.send(stream, point, [rr.TimeColumn("motion", duration=times)], rows)
 
-    def blueprint(self, recorded: Collection[str] | None) -> rrb.Blueprint:
-        """Return the layout, with the views of the ``recorded`` entities, if there are any, as a second tab."""
+    def blueprint(self) -> rrb.Blueprint:
+        """Return the layout, with the views of the recorded run, if there is one, as a second tab."""
         arms = [
             (motions.view(), [chart.view() for chart in motions.charts.values()])
             for motions in self._motions
@@ -146,7 +140,7 @@ class ChoiceLayer:
         below: list[rrb.View] = [] if self._parallel is None else [self._parallel.view()]
         front = self.scene.view() if self._canvases else None
         name = " beside ".join(self._names)
-        tab = None if recorded is None else recorded_tab(self.scene, self._motions[0], recorded)
+        tab = None if self.recorded is None else recorded_tab(self.scene, self._motions[0], self.recorded)
         narrow = self.width < WIDTH
         return choice_blueprint(self._legend, front, below, arms, texts, name=name, recorded=tab, narrow=narrow)
 

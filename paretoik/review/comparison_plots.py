@@ -74,8 +74,8 @@ def _draw_surfaces(axes: Axes, comparison: Comparison) -> None:
         colour = PAPER.accent(list(comparison.groups).index(name))
         for share, line, words in ((1 / len(places), ":", "best"), (0.5, "-", "median"), (1.0, "--", "worst")):
             x, y = _staircase(comparison, comparison.attainment(share, name), ends).T
-            told = f"{name}: {words} attainment"
-            axes.plot(x, y, linestyle=line, color=colour, linewidth=1.1, label=told, zorder=1)
+            text = f"{name}: {words} attainment"
+            axes.plot(x, y, linestyle=line, color=colour, linewidth=1.1, label=text, zorder=1)
 
 
 def _staircase(

@@ -13,7 +13,7 @@ import rerun.blueprint as rrb
 from paretoik.review.arm_drawing import ArmDrawing
 from paretoik.review.curve_charts import Chart, LimitLine
 from paretoik.review.drawing_options import DRAWING
-from paretoik.review.joint_charts import UNITS, joint_units, limit_lines
+from paretoik.review.joint_charts import joint_units, limit_lines
 from paretoik.review.legend import Legend
 from paretoik.review.legend_entries import maxima_entries
 from paretoik.review.maxima_panel import MaximaPanel
@@ -24,6 +24,7 @@ from paretoik.review.palette import SCREEN
 from paretoik.review.recording_layout import TEXT, Layout, note_view, text_view
 from paretoik.review.search_charts import DrawnChart
 from paretoik.robot.kinematics import link_nodes
+from paretoik.task.limits import JOINT_UNITS
 
 ARROW = 0.25  # length of the direction's arrow, as a share of how far the arm reaches
 
@@ -138,7 +139,7 @@ class FinishedMaxima:
         ]
 
     def _joint_label(self, kind: str) -> str:
-        return f"joint {kind} [{joint_units(self.scene.workcell.arm, UNITS[kind])}]"
+        return f"joint {kind} [{joint_units(self.scene.workcell.arm, JOINT_UNITS[kind])}]"
 
     def _chart(
         self, name: str, label: str, curves: np.ndarray, names: Sequence[str], limits: Sequence[LimitLine] = ()

@@ -2,27 +2,19 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Int
 
 from paretoik.arrays import Objectives
-from paretoik.front.indicators import hypervolume
+from paretoik.front.hypervolume_curve import HypervolumeCurve, HypervolumeOptions
 from paretoik.review.recorder import Generation
 from paretoik.search.insertion import greedy_order, scaled, starting_points
 
-
-@dataclass(frozen=True, kw_only=True)
-class ReductionOptions:
-    """Hypervolumes may take up to this ``share`` of the time; those that would take more are left out."""
-
-    share: float = 0.25
-
-
-OPTIONS = ReductionOptions()
+OPTIONS = HypervolumeOptions(share=0.25)
+"""The process that records has time that the run has not."""
 
 
 class FrontReduction:
@@ -31,29 +23,20 @@ class FrontReduction:
     def __init__(self, *, maximised: tuple[bool, ...], points: int) -> None:
         self._signs = np.where(maximised, -1.0, 1.0)
         self._points = points
-        self._spent, self._started = 0.0, time.monotonic()
+        self._hypervolume = HypervolumeCurve(OPTIONS)
 
     def reduce(self, generation: Generation) -> Generation:
         """Return a generation with points that MaxiMin spreads over its front, the ends among them."""
         volume, front = generation.hypervolume, generation.front
         if volume is None and generation.reference is not None:
-            volume = self._hypervolume(generation)
+            reference = generation.reference * self._signs
+            volume = self._hypervolume.measure(front * self._signs, generation.number, reference)
         generation = replace(generation, hypervolume=volume, size=len(front))
         if len(front) <= self._points:
             return generation
         rows = spread_rows(front * self._signs, self._points)
         origins = None if generation.origins is None else generation.origins[rows]
         return replace(generation, front=front[rows], front_ids=generation.front_ids[rows], origins=origins)
-
-    def _hypervolume(self, generation: Generation) -> float | None:
-        """Return the hypervolume, None where it is not the time for it."""
-        started = time.monotonic()
-        if self._spent > OPTIONS.share * (started - self._started):
-            return None
-        assert generation.reference is not None
-        volume = hypervolume(generation.front * self._signs, generation.reference * self._signs)
-        self._spent += time.monotonic() - started
-        return volume
 
 
 def reduction_note(generations: Sequence[Generation]) -> str:

@@ -48,7 +48,7 @@ class FrontView:
         self.viewer = viewer(self._stream)
         self._layer.log_front(self._stream)
         self._log_choice()
-        self._stream.send_blueprint(self._layer.blueprint(None), make_active=True, make_default=True)
+        self._stream.send_blueprint(self._layer.blueprint(), make_active=True, make_default=True)
         self._stream.flush()
         self.viewer.on_event(self._receive)
 

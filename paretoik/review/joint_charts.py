@@ -13,14 +13,8 @@ from paretoik.review.curve_charts import Chart, LimitLine
 from paretoik.review.palette import SCREEN
 from paretoik.review.workcell import Workcell
 from paretoik.robot.arm import Arm
+from paretoik.task.limits import JOINT_UNITS
 
-UNITS = {  # of turning and of sliding joints
-    "position": ("rad", "m"),
-    "velocity": ("rad/s", "m/s"),
-    "acceleration": ("rad/s²", "m/s²"),
-    "torque": ("N m", "N"),
-    "power": ("W", "W"),
-}
 CurvedMotion = tuple[np.ndarray, Mapping[str, np.ndarray]]  # times (time,), and (time, dof) by kind
 ALWAYS = ("position", "velocity", "torque")
 
@@ -32,7 +26,7 @@ def joint_charts(root: str, cell: Workcell, motions: Sequence[CurvedMotion]) -> 
     """
     charts = {}
     sliding = is_sliding(cell.arm)
-    for kind, units in UNITS.items():
+    for kind, units in JOINT_UNITS.items():
         if not motions or (kind not in ALWAYS and kind not in cell.bounds):
             continue
         end = max(float(time[-1]) for time, _ in motions)
@@ -57,7 +51,7 @@ def posture_chart(
         entity="postures",
         dots=True,
         title="joint position over the front",
-        labels=(label, f"joint position [{joint_units(cell.arm, UNITS['position'])}]"),
+        labels=(label, f"joint position [{joint_units(cell.arm, JOINT_UNITS['position'])}]"),
         shown=np.stack([np.repeat(values, postures.shape[1]), postures.ravel()], axis=1),
         names=cell.arm.joint_names,
         colours=[SCREEN.joint(number) for number in range(cell.arm.dof)],

@@ -21,6 +21,7 @@ from paretoik.errors import InvalidInput
 from paretoik.front.compromise import compromise
 from paretoik.front.front import Choice, Front
 from paretoik.front.joint_motions import StoredMotions
+from paretoik.front.marked_rows import best_rows
 from paretoik.review.limits_between import describe_limits_between
 from paretoik.review.palette import PAPER, objective_label
 
@@ -120,9 +121,8 @@ def _highlights(front: Front, choice: Choice | None) -> list[Highlight]:
     if len(front) == 0:
         return []
     reasons: dict[int, str] = {}
-    for axis, name in list(enumerate(front.names))[:3]:
-        index = int(front.minimised[:, axis].argmin())
-        reasons.setdefault(index, f"best {name}")
+    for row, name in zip(best_rows(front.minimised[:, :3], front.ids), front.names, strict=False):
+        reasons.setdefault(row, f"best {name}")
     if choice is not None:
         reasons[choice.index] = "chosen"
     else:

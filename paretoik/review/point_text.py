@@ -58,11 +58,11 @@ def text_of(scene: SearchScene, generation: Generation, moved: int | None = None
 
 def _generation_text(scene: SearchScene, generation: Generation, moved: int | None) -> str:
     size = front_size(generation)
-    found = f"{size} {'point' if size == 1 else 'points'} on the front"
+    summary = f"{size} {'point' if size == 1 else 'points'} on the front"
     if generation.hypervolume is not None:
-        found += f", hypervolume {generation.hypervolume:.4g}"
-    found += f"; {generation.failed} evaluations failed so far." if generation.failed else "."
-    lines = [f"# {_heading(scene, generation)}", found]
+        summary += f", hypervolume {generation.hypervolume:.4g}"
+    summary += f"; {generation.failed} evaluations failed so far." if generation.failed else "."
+    lines = [f"# {_heading(scene, generation)}", summary]
     chosen = next((point for point in generation.points if point.axis is None), None)
     if len(generation.front):
         best = scene.best(generation.front)

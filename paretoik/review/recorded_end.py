@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from paretoik.front.front import Choice, Front
+from paretoik.front.marked_rows import best_rows
 from paretoik.review.recorded_point import RecordedPoint, record_motion
 
 
@@ -12,8 +11,8 @@ def end_points(front: Front, choice: Choice | None) -> tuple[RecordedPoint, ...]
     """Return the best points of a front's objectives, and its choice if there is one, with their motions."""
     if not len(front):
         return ()
-    best = [int(np.lexsort((front.ids, values))[0]) for values in front.minimised.T] if len(front.names) > 1 else []
-    ends = tuple(front_point(front, row, axis=axis) for axis, row in enumerate(best))
+    rows = best_rows(front.minimised, front.ids) if len(front.names) > 1 else []
+    ends = tuple(front_point(front, row, axis=axis) for axis, row in enumerate(rows))
     return ends if choice is None else (*ends, chosen_point(choice))
 
 

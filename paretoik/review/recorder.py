@@ -41,13 +41,13 @@ class Generation:
     """One generation of a search: the objectives of its population and front in the user's own sign, the front's ids.
 
     ``hypervolume`` is in the product of the objectives' units; where it is None and there is a ``reference`` (n_obj,),
-    the recording computes it, now and then where that takes long. ``failed`` counts evaluations that gave no number.
-    ``size`` is that of the whole front where ``front`` has but some of its points; ``points`` are the best of every
-    objective and the compromise, now and then with their motions. A step of a closed loop has no hypervolume, but a
-    point of its front, ``chosen``, that was taken. A step of an ε-sweep has all points so far for a population, and
-    ``epsilon`` (n_obj,), the bounds under which it minimised, infinite for what was minimised; its ids are those of the
-    sweep alone. A refined front has the front before it for a population, and ``origins`` (points, n_obj), where its
-    points were there.
+    the recording computes it, now and then where that takes long, and approximately above four objectives. ``failed``
+    counts evaluations that gave no number. ``size`` is that of the whole front where ``front`` has but some of its
+    points; ``points`` are the best of every objective and the compromise, now and then with their motions. A step of a
+    closed loop has no hypervolume, but a point of its front, ``chosen``, that was taken. A step of an ε-sweep has all
+    points so far for a population, and ``epsilon`` (n_obj,), the bounds under which it minimised, infinite for what was
+    minimised; its ids are those of the sweep alone. A refined front has the front before it for a population, and
+    ``origins`` (points, n_obj), where its points were there.
     """
 
     number: int

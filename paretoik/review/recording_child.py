@@ -31,10 +31,13 @@ class Parent:
         self._input = os.dup(0)
         self._answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
         os.dup2(2, 1)  # what anybody prints is no answer
-        self._told = 0.0
+        self._last_answer = 0.0
 
-    def messages(self) -> Iterator[tuple[str, Any] | None]:
-        """Yield kind and message as they come, and None when there was none for a while, until the parent is gone."""
+    def messages(self) -> Iterator[tuple[str, Any, int] | None]:
+        """Yield kind, message and the parent's stride as they come, until the parent is gone.
+
+        Yield None when there was no message for a while.
+        """
         part = bytearray()
         while True:
             if len(part) >= HEADER and len(part) >= HEADER + (length := int.from_bytes(part[:HEADER])):
@@ -54,13 +57,13 @@ class Parent:
 
     def tell(self, **answer: Any) -> None:
         """Answer, if the parent still listens."""
-        self._told = time.monotonic()
+        self._last_answer = time.monotonic()
         with suppress(OSError, ValueError):
             print(json.dumps(answer), file=self._answers, flush=True)
 
     def beat(self) -> None:
         """Let the parent know now and then that work goes on."""
-        if time.monotonic() - self._told > 4 * OPTIONS.tick:
+        if time.monotonic() - self._last_answer > 4 * OPTIONS.tick:
             self.tell()
 
 
@@ -86,15 +89,15 @@ def _record(parent: Parent) -> None:
                 recording.look_after()
             if received is None:
                 continue
-            kind, message = received
+            kind, message, stride = received
             if kind == "open":
                 from paretoik.review.recording_file import RecordingFile
 
                 recording = RecordingFile(message, parent)
             elif recording is not None and kind == "record":
-                recording.record(message)
+                recording.record(message, stride)
             elif recording is not None:
-                recording.complete(message)
+                recording.complete(message, stride)
                 parent.tell(finished=True)
                 return
             parent.tell(done=1, stride=1 if recording is None else recording.stride)

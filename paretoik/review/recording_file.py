@@ -88,10 +88,11 @@ class RecordingFile:
         self._flushed, self._size = time.monotonic(), 0
         self._pending, self._growth = 0, float(self._options.reserve)  # messages not written, bytes a message at most
 
-    def record(self, message: Any) -> None:
-        """Draw a message and keep it."""
+    def record(self, message: Any, stride: int = 1) -> None:
+        """Draw a message and keep it; of the series the sender keeps every ``stride``-th."""
+        self.stride = max(self.stride, stride)
         message = self._drawing.reduce(message)
-        number = getattr(message, "number", None)
+        number = _number(message)
         if number is not None:
             self._first = number if self._last is None else self._first
             self._last = message
@@ -111,9 +112,10 @@ class RecordingFile:
         if self._live is not None:
             self._live.look_after()
 
-    def complete(self, end: Any) -> None:
-        """Draw everything anew with its ``end``, and close the file."""
-        self._thin(1)
+    def complete(self, end: Any, stride: int = 1) -> None:
+        """Draw everything anew with its ``end``, and close the file; ``stride`` as for ``record``."""
+        self.stride = max(self.stride, stride)
+        self._keep(self.stride)
         self._replace(lambda drawing: drawing.finish(self._messages, end, self._note()))
         self.close()
 
@@ -121,7 +123,8 @@ class RecordingFile:
         """Close the file as it is."""
         self._stream.disconnect()
         if self._live is not None:
-            self._live.close()
+            live, self._live = self._live, None
+            live.close()
 
     def _open(self, file: Path) -> tuple[rr.RecordingStream, Drawing]:
         """Begin a file, and what draws into it."""
@@ -164,29 +167,39 @@ class RecordingFile:
             self._growth = max((size - self._size) / self._pending, 0.0)
         self._flushed, self._size, self._pending = time.monotonic(), size, 0
 
-    def _thin(self, factor: int = 2) -> bool:
-        """Drop all of the series but every so-manieth message and the last; say whether there was anything to drop."""
-        stride, count = factor * self.stride, len(self._messages)
+    def _thin(self) -> bool:
+        """Drop at least every second message of the series, except the last; say whether there was anything to drop."""
+        while len({_number(message) for message in self._messages} - {None}) > 2:
+            self.stride *= 2
+            if self._keep(self.stride):
+                return True
+        return False
+
+    def _keep(self, stride: int) -> bool:
+        """Drop all of the series except every ``stride``-th message and the last; say whether anything was dropped."""
+        count = len(self._messages)
         self._messages = [
             message
             for message in self._messages
-            if (number := getattr(message, "number", None)) is None
-            or message is self._last
-            or (number - self._first) % stride == 0
+            if (number := _number(message)) is None or message is self._last or (number - self._first) % stride == 0
         ]
-        dropped = len(self._messages) < count
-        self.stride = stride if dropped else self.stride
-        return dropped
+        return len(self._messages) < count
 
     def _note(self) -> str:
         """Return in words what was thinned."""
         if self.stride == 1:
             return ""
-        what = getattr(self._opening.scene, "timeline", "message")
-        return f"The run was long: one in {self.stride} of its {what}s is kept here, the last one too."
+        kind = getattr(self._opening.scene, "timeline", "message")
+        return f"The run was long: one in {self.stride} of its {kind}s is kept here, the last one too."
 
     def _check_space(self, needed: int) -> None:
         """Raise OSError where so many bytes would fill the disk: Rerun may hang on a full one."""
         disk = os.statvfs(self._file.parent)
         if disk.f_bavail * disk.f_frsize < needed + self._options.reserve:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def _number(message: Any) -> int | None:
+    """Return the number of a message in its series, None where it belongs to none."""
+    number: int | None = getattr(message, "number", None)
+    return number

@@ -107,7 +107,7 @@ class RecordingProcess:
             os.set_blocking(pipe.fileno(), False)
         with suppress(AttributeError, OSError):  # where the system lets pipes grow
             fcntl.fcntl(self._input, fcntl.F_SETPIPE_SZ, self._options.pipe)
-        self._patience, self._heard = self._options.start, time.monotonic()
+        self._patience, self._silent_since = self._options.start, time.monotonic()
 
     def wants(self, number: int) -> bool:
         """Say whether the message with a number belongs to those of its series that are kept."""
@@ -116,9 +116,9 @@ class RecordingProcess:
 
     def send(self, kind: Kind, message: Any, number: int | None = None) -> None:
         """Queue a message, with its number if it may be dropped, and pass on what the pipe takes."""
-        content = pickle_message((kind, message))
+        content = pickle_message((kind, message, self.stride))
         if self._answered == self._sent:
-            self._heard = time.monotonic()  # until now there was nothing to answer
+            self._silent_since = time.monotonic()  # until now there was nothing to answer
         self._queue.append(Frame(content, number))
         self._sent += 1
         while self._waiting > self._options.queue and self._thin(2 * self.stride):
@@ -133,7 +133,7 @@ class RecordingProcess:
             return
         if broken or self._child.poll() is not None:
             self._fail(self._cause_of_death())
-        if self._answered < self._sent and time.monotonic() - self._heard > self._patience:
+        if self._answered < self._sent and time.monotonic() - self._silent_since > self._patience:
             self._fail(f"the process that records gave no answer within {self._patience:g} s")
 
     def complete(self, end: Any) -> None:
@@ -165,7 +165,7 @@ class RecordingProcess:
         return sum(len(frame.content) for frame in self._queue)
 
     def _thin(self, stride: int) -> bool:
-        """Keep every so-manieth message of a series from now on, in the queue too; say whether it became shorter.
+        """Keep every ``stride``-th message of a series from now on, in the queue too; say whether it became shorter.
 
         The newest stays, and what is on its way already.
         """
@@ -195,7 +195,7 @@ class RecordingProcess:
             except OSError:
                 return False
             if self._full:  # it was read from since, and what has not come whole has no answer
-                self._full, self._heard = False, time.monotonic()
+                self._full, self._silent_since = False, time.monotonic()
             if self._offset == len(content):
                 self._queue.popleft()
                 self._offset = 0
@@ -216,7 +216,7 @@ class RecordingProcess:
             self._take(json.loads(line))
 
     def _take(self, answer: dict[str, Any]) -> None:
-        self._heard, self._patience = time.monotonic(), self._options.silence
+        self._silent_since, self._patience = time.monotonic(), self._options.silence
         self._answered += answer.get("done", 0)
         self._thin(answer.get("stride", 1))
         if "notice" in answer:

@@ -4,28 +4,21 @@ from __future__ import annotations
 
 import base64
 import gzip
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from paretoik.front.front import Front
 from paretoik.review.obstacle_outlines import outline, wires
-from paretoik.task.limits import LIMITED
+from paretoik.task.limits import JOINT_UNITS, LIMITED
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 
 STEPS = 65535  # of a channel's range: values are whole numbers of 16 bits
-UNITS = {
-    "position": ("rad", "m"),
-    "velocity": ("rad/s", "m/s"),
-    "acceleration": ("rad/s²", "m/s²"),
-    "torque": ("N m", "N"),
-    "power": ("W", "W"),
-}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -62,7 +55,7 @@ class ReportMotions:
     def kinds(self) -> tuple[str, ...]:
         """What is drawn of joints: torques and powers of an arm without masses are not, as they are 0."""
         massless = not np.any(self.motions.torque)
-        return tuple(kind for kind in UNITS if not (massless and kind in ("torque", "power")))
+        return tuple(kind for kind in JOINT_UNITS if not (massless and kind in ("torque", "power")))
 
     @cached_property
     def _nodes(self) -> Float[np.ndarray, "points time nodes axes"]:
@@ -81,16 +74,16 @@ class ReportMotions:
         planes = np.concatenate([(changes & 255).ravel(), (changes >> 8).ravel()]).astype(np.uint8)
         return base64.b64encode(gzip.compress(planes.tobytes(), 9, mtime=0)).decode()
 
-    def blocks(self, rows: Iterable[int], room: int) -> dict[int, str]:
-        """Return the blocks of as many ``rows``, in turn, as fit in so many bytes, by row."""
+    def blocks(self, rows: Sequence[int], room: int) -> dict[int, str]:
+        """Return the blocks of as many ``rows``, in turn, as fit in so many bytes, by the id of the point, in order."""
         blocks: dict[int, str] = {}
         for row in rows:
-            block = self.block(int(row))
-            room -= len(block) + 16  # and the id, quotes and commas around it
+            number, block = int(self.front.ids[row]), self.block(row)
+            room -= len(f'"{number}":"{block}",')
             if room < 0:
                 break
-            blocks[int(row)] = block
-        return blocks
+            blocks[number] = block
+        return {number: blocks[number] for number in self.front.ids.tolist() if number in blocks}
 
     def description(self) -> dict[str, Any]:
         """Return what the page must know to draw blocks: joints, quantities, limits, arm, path and obstacles."""
@@ -107,7 +100,7 @@ class ReportMotions:
         if self.has_arm:
             sliding = [kind == "prismatic" for kind in self.motions.arm.joint_types]
             described["quantities"] = [
-                {"name": kind, "units": [UNITS[kind][slides] for slides in sliding]} for kind in self.kinds
+                {"name": kind, "units": [JOINT_UNITS[kind][slides] for slides in sliding]} for kind in self.kinds
             ]
             described["limits"] = self._limits()
             described["arm"] = self._arm()
@@ -156,24 +149,7 @@ class ReportMotions:
         directions = getattr(self.front.problem, "directions", None)
         if directions is None:
             return []
-        kinds = [self.front.names[axis].partition("_")[0] for axis in range(len(directions))]
-        return [{"axis": axis, "along": _digits(vector), "kind": kinds[axis]} for axis, vector in enumerate(directions)]
-
-
-def spread_rows(front: Front, first: Iterable[int]) -> Int[np.ndarray, " points"]:
-    """Return all rows of a front, those of ``first`` before the others, each next one far from those before it."""
-    order = list(dict.fromkeys(int(row) for row in first)) or [0]
-    shares = front.shares
-    distance = np.full(len(front), np.inf)
-    for row in order:
-        distance = np.minimum(distance, np.linalg.norm(shares - shares[row], axis=1))
-    distance[order] = -1.0
-    while len(order) < len(front):
-        row = int(distance.argmax())
-        order.append(row)
-        distance = np.minimum(distance, np.linalg.norm(shares - shares[row], axis=1))
-        distance[row] = -1.0
-    return np.array(order)
+        return [{"axis": axis, "along": _digits(vector)} for axis, vector in enumerate(directions)]
 
 
 def _lines(points: np.ndarray) -> list[Any]:

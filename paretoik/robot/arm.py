@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.arrays import Jacobians, Vector3
+from paretoik.arrays import Jacobians, Vector3, read_only
 from paretoik.errors import InvalidInput
 from paretoik.inputs import ArrayLike, file_path, finite_array
 from paretoik.robot.arm_inputs import body_tuple, limit_rows, number_array, symmetric_limits
@@ -85,9 +85,7 @@ class Arm:
     @cached_property
     def periodic(self) -> np.ndarray:
         """Whether each joint is rotational, its angle equivalent modulo 2π; shape (dof,), read-only."""
-        periodic = np.array([joint_type != "prismatic" for joint_type in self.joint_types])
-        periodic.setflags(write=False)
-        return periodic
+        return read_only(np.array([joint_type != "prismatic" for joint_type in self.joint_types]))
 
     def __repr__(self) -> str:
         return f"Arm({self.name!r}, {self.dof} joints: {', '.join(self.joint_names)})"

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from paretoik.front.indicators import hypervolume
+from paretoik.front.indicators import estimate_hypervolume, hypervolume
 from paretoik.review import front_reduction
 from paretoik.review.front_reduction import FrontReduction, reduction_note, spread_rows
 from paretoik.review.recorder import Generation
@@ -77,6 +77,15 @@ def test_a_hypervolume_that_is_there_is_not_computed_and_without_a_reference_the
 
 def test_hypervolumes_that_take_more_than_their_share_of_the_time_are_left_out(monkeypatch):
     monkeypatch.setattr(front_reduction, "OPTIONS", replace(front_reduction.OPTIONS, share=1e-9))
-    reduction = FrontReduction(maximised=(False, False), points=20)
-    large = generation(sphere(300, 2), reference=np.full(2, 3.0))
-    assert [reduction.reduce(large).hypervolume is None for _ in range(3)] == [False, True, True]
+    reduction = FrontReduction(maximised=(False,) * 4, points=20)
+    large = generation(sphere(4000, 4), reference=np.full(4, 3.0))
+    assert [reduction.reduce(large).hypervolume is None for _ in range(4)] == [False, False, True, True]
+
+
+def test_of_seven_objectives_the_hypervolume_is_an_estimate_as_an_exact_one_takes_a_minute(monkeypatch):
+    import moocore
+
+    monkeypatch.delattr(moocore, "hypervolume")
+    front = sphere(1000, 7)
+    kept = FrontReduction(maximised=(False,) * 7, points=20).reduce(generation(front, reference=np.full(7, 2.2)))
+    assert kept.hypervolume == pytest.approx(estimate_hypervolume(front, np.full(7, 2.2), np.full(7, 1.2)), rel=0.02)

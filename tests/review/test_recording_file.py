@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 import rerun as rr
 
 from paretoik.front.front import Front
+from paretoik.review import live_view
 from paretoik.review.recorder import Generation, SearchedFront, SearchEnd
 from paretoik.review.recording_file import RecordingFile
 from paretoik.review.recording_process import Opening, RecorderOptions
@@ -52,10 +54,10 @@ def front(points: int = 70) -> Front:
     return Front(ids=np.arange(points), objectives=F, names=NAMES, units=[""] * N_OBJ, maximised=[False] * N_OBJ)
 
 
-def started(file: Path, listener: Listener | None = None, **options) -> RecordingFile:
+def started(file: Path, listener: Listener | None = None, *, live: bool = False, **options) -> RecordingFile:
     scene = SearchedFront(names=NAMES, units=("",) * N_OBJ, maximised=(False,) * N_OBJ)
     settings = RecorderOptions(flush=0.01, **options)
-    opening = Opening(file=str(file), title="long", scene=scene, live=False, options=settings)
+    opening = Opening(file=str(file), title="long", scene=scene, live=live, options=settings)
     return RecordingFile(opening, listener or Listener())
 
 
@@ -83,6 +85,45 @@ def test_a_file_stays_below_its_size_with_evenly_spread_generations_the_first_an
     np.testing.assert_array_equal(F[count], front().objectives.ravel())
     (note,) = read(file)["/notes/left_out"]
     assert f"one in {stride} of its generations" in str(note.to_pydict())
+
+
+@pytest.mark.parametrize("spacing", [2, 8])
+def test_a_file_stays_below_its_size_where_not_every_number_comes(spacing, tmp_path):
+    file, size = tmp_path / "review.rrd", 600_000
+    recording, largest = started(file, size=size), 0
+    numbers = range(1, 1 + 40 * spacing, spacing)
+    for number in numbers:
+        recording.record(generation(number), 8 if spacing == 8 else 1)
+        recording.look_after()
+        largest = max(largest, file.stat().st_size)
+    recording.complete(SearchEnd(front=front()))
+    assert largest < 1.1 * size
+    kept = [number for number in numbers if (number - 1) % recording.stride == 0]
+    assert sorted(fronts(file)) == sorted({*kept, numbers[-1]})
+    (note,) = read(file)["/notes/left_out"]
+    assert f"one in {recording.stride} of its generations" in str(note.to_pydict())
+
+
+def test_what_the_sender_left_out_later_is_left_out_of_what_came_before_too_and_the_file_says_so(tmp_path):
+    file = tmp_path / "review.rrd"
+    recording = started(file)
+    for number in range(1, 7):
+        recording.record(generation(number))
+    recording.record(generation(9), 4)
+    recording.record(generation(13), 4)
+    recording.complete(SearchEnd(front=front()), 4)
+    assert sorted(fronts(file)) == [1, 5, 9, 13]
+    (note,) = read(file)["/notes/left_out"]
+    assert "one in 4 of its generations" in str(note.to_pydict())
+
+
+def test_a_series_that_says_the_same_number_again_and_again_ends(tmp_path):
+    recording = started(tmp_path / "review.rrd", size=1_000)
+    for _ in range(4):
+        recording.record(generation(1))
+        recording.look_after()
+    recording.complete(SearchEnd(front=front()))
+    assert sorted(fronts(tmp_path / "review.rrd")) == [1]
 
 
 def test_a_short_run_is_kept_whole_and_nothing_is_said(tmp_path):
@@ -131,3 +172,15 @@ def test_a_file_that_another_run_has_replaced_is_left_alone(tmp_path):
         recording.complete(SearchEnd(front=front()))
     assert file.read_text() == "another run's"
     assert [left.name for left in tmp_path.iterdir()] == ["review.rrd"]
+
+
+def test_viewers_get_their_time_to_read_the_end_once(tmp_path, monkeypatch):
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"):
+        monkeypatch.delenv(name, raising=False)
+    pauses, sleep = [], time.sleep
+    monkeypatch.setattr(time, "sleep", lambda seconds: (pauses.append(seconds), sleep(seconds)))
+    recording = started(tmp_path / "review.rrd", live=True)
+    recording.record(generation(1))
+    recording.complete(SearchEnd(front=front()))
+    recording.close()
+    assert pauses.count(live_view.OPTIONS.reading) == 1

@@ -17,7 +17,7 @@ from paretoik.front.compromise import compromise
 from paretoik.front.front import Front
 from paretoik.front.joint_motions import StoredJoints, StoredMotions
 from paretoik.review.report import Report, ReportOptions, Steps
-from paretoik.review.report_motions import ReportMotions, spread_rows
+from paretoik.review.report_motions import ReportMotions
 from tests.review.page_reading import Page, unpacked
 from tests.review.test_certificate_plots import certified
 
@@ -185,18 +185,22 @@ def test_points_beyond_the_most_are_left_out_and_told(make_front):
     assert any(text.startswith("30 more points") for text in read.texts("p"))
 
 
-def test_hundreds_of_long_motions_fit_into_five_megabytes(problem):
+def long_front(problem, *, count: int, samples: int) -> Front:
+    """Return so many points with motions of noise, which packs badly."""
     motions = problem.decode(problem.sample_starts(3, np.random.default_rng(1)))
-    rows = np.resize(np.arange(3), 400)
-    places = np.linspace(0.0, 1.0, 400)
-    long = replace(
-        motions[rows], time=np.linspace(0.0, 9.0, 401), tasks=(),
-        q=np.repeat(motions.q[rows], 17, axis=1)[:, :401] + np.random.default_rng(0).normal(size=(400, 401, 3)),
+    rows, places = np.resize(np.arange(3), count), np.linspace(0.0, 1.0, count)
+    noise = np.random.default_rng(0).normal(size=(count, samples, 3))
+    return Front(
+        ids=np.arange(count) + 100_000, objectives=np.array([places, -places]).T, names=("a", "b"), units=("", ""),
+        maximised=(False, False),
+        motions=replace(
+            motions[rows], time=np.linspace(0.0, 9.0, samples), tasks=(), q=motions.q[rows][:, :1] + noise
+        ),
     )  # fmt: skip
-    front = Front(
-        ids=np.arange(400), objectives=np.array([places, -places]).T, names=("a", "b"), units=("", ""),
-        maximised=(False, False), motions=long,
-    )  # fmt: skip
+
+
+def test_hundreds_of_long_motions_fit_into_five_megabytes(problem):
+    front = long_front(problem, count=400, samples=401)
     text = Report(front=front, title="t").page()
     assert 4_950_000 < len(text.encode()) <= 5_000_000  # noise packs badly: the room is used
     assert 50 < len(Page(text).data["blocks"]) < 400
@@ -230,10 +234,56 @@ def test_directions_of_a_postures_front_are_arrows(front):
     assert [(each["axis"], each["along"]) for each in described["arm"]["arrows"]] == [(0, [1.0, 0.0]), (1, [0.0, 1.0])]
 
 
-def test_rows_are_spread_from_the_first_ones_on(make_front):
+def test_the_points_of_a_page_are_the_marked_ones_and_then_always_the_farthest(make_front):
     front = make_front(3, points=30)
-    order = spread_rows(front, [4, 9])
-    assert sorted(order) == list(range(30))
-    assert order[:2].tolist() == [4, 9]
-    distance = np.linalg.norm(front.shares[:, None] - front.shares[order[:2]], axis=2).min(axis=1)
-    assert order[2] == distance.argmax()
+    marked = set(Report(front=front, title="t").marks)
+    for count in range(len(marked), 30, 5):
+        table = page(front, options=ReportOptions(points=count)).table
+        rows = set(np.flatnonzero(np.isin(front.ids, list(table))))
+        assert marked <= rows
+        assert len(rows) == count
+        distance = np.linalg.norm(front.shares[:, None] - front.shares[sorted(rows)], axis=2).min(axis=1)
+        (added,) = set(page(front, options=ReportOptions(points=count + 1)).table) - set(table)
+        assert distance[front.ids == added] == pytest.approx(distance.max())
+
+
+def test_of_many_points_only_those_of_the_page_are_looked_at(problem, monkeypatch):
+    count = 2500
+    drawn: list[int] = []
+
+    def channels(motions: ReportMotions) -> np.ndarray:
+        drawn.append(len(motions.front))
+        return whole.func(motions)
+
+    whole = ReportMotions.channels
+    monkeypatch.setattr(ReportMotions, "channels", property(channels))
+    front = long_front(problem, count=count, samples=3)
+    assert len(page(front, options=ReportOptions(points=20)).table) == 20
+    assert set(drawn) == {20}
+
+
+def test_thousands_of_points_fit_into_five_megabytes_with_the_list_of_what_is_left_out(problem):
+    front = long_front(problem, count=2500, samples=101)
+    text = Report(front=front, title="t").page()
+    assert 4_900_000 < len(text.encode()) <= 5_000_000
+    read = Page(text)
+    (told,) = read.texts("p", id="left-out")
+    assert len(read.table) == 2000
+    assert set(map(int, re.findall(r"\d{6}", told))) == set(read.table) - set(map(int, read.data["blocks"]))
+
+
+def test_where_not_even_the_table_has_room_there_are_fewer_points_and_the_page_says_so(make_front):
+    front = make_front(3, points=200, moving=False)
+    size = len(Report(front=front, title="t").page().encode()) - 10_000
+    text = Report(front=front, title="t", options=ReportOptions(size=size)).page()
+    assert len(text.encode()) <= size
+    assert len(Page(text).table) == 100
+    assert any(words.startswith("100 more points") for words in Page(text).texts("p"))
+
+
+def test_where_no_motion_has_room_all_are_said_to_be_left_out(front):
+    size = len(Report(front=replace(front, motions=None), title="t").page().encode())
+    text = Report(front=front, title="t", options=ReportOptions(size=size + 5_000)).page()
+    read = Page(text)
+    assert read.data["blocks"] == {}
+    assert re.search(r"motions of 9 points", read.texts("p", id="left-out")[0])

@@ -8,6 +8,7 @@ import pytest
 import paretoik as pk
 from paretoik.review.choice_layer import write_choice_layer
 from paretoik.review.recorded_point import record_motion
+from paretoik.review.recorded_views import read_recorded
 from problems.kim_2021 import directions_dam, point_to_point_dam
 from problems.marcos_2012 import loop
 from tests.review.reading import FRAME, blank_views, missing_entities, read, rows, shown, views
@@ -142,6 +143,35 @@ def test_a_choice_stands_beside_another_in_a_layer_of_the_same_recording(run, tm
     for view, origin in views(tmp_path / "choice.rrd").items():
         for timeline in ("motion", "generation"):
             assert shown(everything, origin, timeline, 5), (view, origin, timeline)
+
+
+@pytest.fixture(scope="module", params=["level", "refinement"])
+def certified_run(request, tmp_path_factory):
+    """A sweep, whose recording has the timeline "level", and a refinement."""
+    folder, problem = tmp_path_factory.mktemp("certified"), planar()
+    if request.param == "level":
+        front = pk.epsilon_front(problem, points=3, starts=4, seed=0, out=folder / "run", observe=False)
+    else:
+        draft = pk.solve(problem, population=16, generations=2, seed=1, refine=False, observe=False)
+        front = pk.refine(draft[draft.ids[:3]], out=folder / "run", observe=False)
+    return request.param, front, folder / "run" / "review.rrd"
+
+
+def test_a_layer_stands_on_every_timeline_of_a_recording_whatever_verb_it_is_of(certified_run, tmp_path):
+    timeline, front, file = certified_run
+    recorded = read_recorded(file)
+    assert recorded.timeline == timeline
+    assert recorded.timelines == {
+        timeline: "sequence", "point": "sequence", "motion": "duration", "replay": "duration",
+    }  # fmt: skip
+    write_choice_layer(front, front[int(front.ids[0])], tmp_path / "choice.rrd", recording=file)
+    entities = read(tmp_path / "choice.rrd")
+    everything = entities | {path: batches for path, batches in read(file).items() if path not in entities}
+    for name in recorded.timelines:
+        assert shown(entities, "/choice/arm/chosen/links", name, 1), name
+        for view, origin in views(tmp_path / "choice.rrd").items():
+            drawn = [path for path in shown(everything, origin, name, 1) if not path.endswith(FRAME)]
+            assert drawn, (view, origin, name)
 
 
 def rows_of_text(batches: list) -> str:

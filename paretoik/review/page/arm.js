@@ -169,16 +169,17 @@ function scaleOf(place) {
   return Math.hypot(...place(one).map((value, k) => value - place(none)[k]));
 }
 
-/** How fast or strong the posture is along its directions, as arrows from the tool. */
+/** How fast or strong the posture is along its directions, as arrows from the tool; those of one unit share a scale. */
 function drawArrows(place) {
   const tool = nodesAt(0).at(-1),
     largest = {},
     extent = Math.max(...scene.high.map((high, k) => high - scene.low[k]));
-  scene.arrows.forEach(({ axis: k, kind }) => {
-    largest[kind] = Math.max(largest[kind] || 0, Math.abs(data.ranges[k][1]));
+  scene.arrows.forEach(({ axis: k }) => {
+    const { unit } = data.objectives[k];
+    largest[unit] = Math.max(largest[unit] || 0, Math.abs(data.ranges[k][1]));
   });
-  return scene.arrows.flatMap(({ axis: k, kind, along }) => {
-    const length = (0.3 * extent * data.values[state.row][k]) / (largest[kind] || 1);
+  return scene.arrows.flatMap(({ axis: k, along }) => {
+    const length = (0.3 * extent * data.values[state.row][k]) / (largest[data.objectives[k].unit] || 1);
     const end = tool.map((value, i) => value + length * along[i]),
       [u, v] = place(end);
     const label = svgTag("text", { x: u, y: v - 8, "text-anchor": u > 0.7 * PICTURE.width ? "end" : "start" });

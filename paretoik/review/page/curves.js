@@ -16,8 +16,8 @@ function showPoint(row) {
 function showRates(row) {
   const table = make("table"),
     intervals = data.rates[row];
-  const known = intervals.flat().some((pair) => pair[0] !== null);
-  if (!known) {
+  const certified = intervals.some((costs, i) => costs.some((pair, j) => i !== j && pair[0] !== null)); // by itself: 1
+  if (!certified) {
     byId("rates").replaceChildren(make("p", "Not certified at this point.", { class: "hint" }));
     return;
   }

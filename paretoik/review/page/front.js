@@ -1,5 +1,6 @@
 // The front: all pairs of objectives up to five, parallel coordinates from three on, filters and the table.
 const many = data.objectives.length;
+const ZOOM = { uirevision: "front" }; // what the reader zoomed into stays where another point is selected
 
 function describe(row) {
   const lines = [`<b>point ${data.ids[row]}</b>` + (mark(row) ? ` (${plain(mark(row))})` : "")];
@@ -99,7 +100,7 @@ function scatter() {
       ),
     );
   }
-  Plotly.react("front", traces, layout(many === 2 ? 460 : 150 + 215 * size, axes), CONFIG);
+  Plotly.react("front", traces, layout(many === 2 ? 460 : 150 + 215 * size, { ...axes, ...ZOOM }), CONFIG);
 }
 
 /** Two objectives: neighbours on one branch of optima are joined. */
@@ -124,7 +125,7 @@ function values() {
   const traces = groups().map((group) => points(column(group.rows, 0), group.rows, group));
   const ids = { tickvals: data.ids.map((_, row) => row), ticktext: data.ids.map(String), nticks: 0 };
   const axes = { xaxis: axis(data.objectives[0].label), yaxis: axis("point", data.ids.length < 30 ? ids : {}) };
-  Plotly.react("front", traces, layout(Math.min(180 + 14 * data.ids.length, 420), axes), CONFIG);
+  Plotly.react("front", traces, layout(Math.min(180 + 14 * data.ids.length, 420), { ...axes, ...ZOOM }), CONFIG);
 }
 
 /** A line a point across an axis an objective, the best value at the bottom; hover works on its corners. */
@@ -167,6 +168,7 @@ function parallel() {
     "parallel",
     traces,
     layout(380, {
+      ...ZOOM,
       margin: { l: 70, r: 70, t: 75, b: 70 },
       annotations: ends,
       xaxis: axis("", {

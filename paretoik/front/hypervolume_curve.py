@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from paretoik.arrays import Objectives, Values
-from paretoik.front.indicators import hypervolume
-from paretoik.pareto.scalarisation import ranges_of
+from paretoik.front.indicators import estimate_hypervolume, ranges_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,10 +26,12 @@ OPTIONS = HypervolumeOptions()
 
 
 class HypervolumeCurve:
-    """Hypervolumes of fronts in the order in which they came, objectives minimised."""
+    """Hypervolumes of fronts in the order in which they came, objectives minimised, as long as there is time."""
 
-    def __init__(self) -> None:
+    def __init__(self, options: HypervolumeOptions = OPTIONS) -> None:
+        self._options = options
         self._corner: Values | None = None
+        self._width: Values | None = None  # of the first front with the corner
         self._started, self._spent, self._latest = time.monotonic(), 0.0, 0.0
         self._value, self._number = 0.0, 0
 
@@ -41,14 +42,18 @@ class HypervolumeCurve:
             self._corner = worst + np.maximum(ranges_of(front), 0.1 * np.abs(worst))
         return self._corner
 
-    def measure(self, front: Objectives, number: int) -> float | None:
-        """Return the hypervolume of the front of a generation; None where there is no time for it."""
-        corner, elapsed = self.corner(front), time.monotonic() - self._started
-        if self._latest > OPTIONS.free and self._spent > OPTIONS.share * elapsed:
+    def measure(self, front: Objectives, number: int, corner: Values | None = None) -> float | None:
+        """Return the hypervolume of the front of a generation; None where there is no time for it.
+
+        It reaches up to a ``corner`` (n_obj,), which must always be the same; by default up to that of the first front.
+        """
+        corner = self.corner(front) if corner is None else corner
+        elapsed = time.monotonic() - self._started
+        if self._latest > self._options.free and self._spent > self._options.share * elapsed:
             return None
         started = time.thread_time()
         former, self._number = self._value, number
-        self._value = 0.0 if corner is None else hypervolume(front, corner)
+        self._value = 0.0 if corner is None else self._estimate(front, corner)
         if former:  # the first loads a library, too
             self._latest = time.thread_time() - started
             self._spent += self._latest
@@ -58,3 +63,8 @@ class HypervolumeCurve:
         """Return the last hypervolume in words, with its generation if that is another than the present one."""
         then = "" if self._number == number else f" of generation {self._number}"
         return f"hypervolume {self._value:.4g}{then}"
+
+    def _estimate(self, front: Objectives, corner: Values) -> float:
+        if self._width is None:
+            self._width = ranges_of(np.vstack([front, corner]))
+        return estimate_hypervolume(front, corner, self._width)
