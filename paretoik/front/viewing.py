@@ -19,7 +19,7 @@ def view(
     *,
     on_select: Callable[[Ids], object] | None = None,
     width: int | Literal["auto"] = "auto",
-    height: int | Literal["auto"] = "auto",
+    height: int | Literal["auto"] = 720,
 ) -> Any:
     """Return the front as a ``FrontView``, which a notebook shows as the Rerun viewer: pick a point, get its id.
 
@@ -36,7 +36,7 @@ def view(
     on_select
         Called with the ids of every selection; may be none.
     width, height
-        In pixels; "auto" fills the cell's width.
+        In pixels; "auto" is the cell's width, and 9/16 of that.
 
     Raises
     ------

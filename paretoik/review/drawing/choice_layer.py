@@ -18,7 +18,7 @@ import rerun.blueprint as rrb
 from paretoik.arrays import Times
 from paretoik.front.front import Choice, Front
 from paretoik.review.drawing.drawn_axes import Canvas
-from paretoik.review.drawing.legend import Legend
+from paretoik.review.drawing.legend import WIDTH, Legend
 from paretoik.review.drawing.legend_entries import choice_entries
 from paretoik.review.drawing.motion_scene import MotionScene
 from paretoik.review.drawing.parallel_axes import ParallelAxes
@@ -57,14 +57,17 @@ def write_choice_layer(
 class ChoiceLayer:
     """One choice of a front, or two, with their motions on the timeline ``motion``.
 
-    On all others of the ``recorded`` run, if there is one, the arms stand still. Axes hold the motions of points
-    ``around`` them, too.
+    On all others of the ``recorded`` run, if there is one, the arms stand still. ``names`` are what the choices are
+    called, by default points with their ids. Axes hold the motions of points ``around`` them, too. The layout is for a
+    viewer so many pixels wide, ``width``.
     """
 
     front: Front
     choices: tuple[Choice, ...]
     recorded: RecordedRun | None = None
+    names: tuple[str, ...] = ()
     around: tuple[RecordedPoint, ...] = ()
+    width: float = WIDTH
 
     def log(self, stream: rr.RecordingStream) -> None:
         """Draw the front with the choices, what is to be known of them, and their arms."""
@@ -113,8 +116,8 @@ class ChoiceLayer:
         """Let the arm of a point move, and stand still on the recording's timelines."""
         assert point.motion is not None
         motions.log(stream)
-        timelines = {} if self.recorded is None else self.recorded.timelines
-        for timeline, kind in {**timelines, "motion": "duration"}.items():
+        others = {} if self.recorded is None else self.recorded.timelines
+        for timeline, kind in {**others, "motion": "duration"}.items():
             stream.set_time(timeline, **{kind: 0})
         motions.log_whole(stream, [point])
         stream.reset_time()
@@ -131,14 +134,15 @@ class ChoiceLayer:
             if motions is not None
         ]
         texts = [
-            rrb.TextDocumentView(origin=f"{root}/text", name=f"point {choice.id}")
-            for root, choice in zip(ROOTS, self.choices, strict=False)
+            rrb.TextDocumentView(origin=f"{root}/text", name=name)
+            for root, name in zip(ROOTS, self._names, strict=False)
         ]
         below: list[rrb.View] = [] if self._parallel is None else [self._parallel.view()]
         front = self.scene.view() if self._canvases else None
-        name = " beside ".join(f"point {choice.id}" for choice in self.choices)
+        name = " beside ".join(self._names)
         tab = None if self.recorded is None else recorded_tab(self.scene, self._motions[0], self.recorded)
-        return choice_blueprint(self._legend, front, below, arms, texts, name=name, recorded=tab)
+        narrow = self.width < WIDTH
+        return choice_blueprint(self._legend, front, below, arms, texts, name=name, recorded=tab, narrow=narrow)
 
     @property
     def scene(self) -> SearchScene:
@@ -173,12 +177,15 @@ class ChoiceLayer:
             workcell=cell,
             names=tuple(self.front.names),
             points=[*self._points, *self.around],
-            title=f"point {self.choices[number].id}",
+            title=self._names[number],
             root=f"{ROOTS[number]}/",
         )
 
     @property
     def _legend(self) -> Legend:
         motions = next((each for each in self._motions if each is not None), None)
-        names = [f"point {choice.id}" for choice in self.choices]
-        return Legend(entity=f"{ROOTS[0]}/legend", entries=choice_entries(names, motions))
+        return Legend(entity=f"{ROOTS[0]}/legend", entries=choice_entries(self._names, motions), width=self.width)
+
+    @property
+    def _names(self) -> tuple[str, ...]:
+        return self.names or tuple(f"point {choice.id}" for choice in self.choices)

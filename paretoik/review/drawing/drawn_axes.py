@@ -113,7 +113,7 @@ class Canvas:
                 place - (0.5 * text_width(word) + 6.0, 0.0) for place, word in zip(beside, beside_words, strict=True)
             ]
             words.append(self.labels[1])
-            places.append(np.array([x - 0.8 * TEXT.left + 0.5 * text_width(self.labels[1]), y - 0.7 * TEXT.line]))
+            places.append(np.array([x - 0.8 * TEXT.left + 0.5 * text_width(self.labels[1]), y - 0.95 * TEXT.line]))
         return words, np.array(places).reshape(-1, 2)
 
 

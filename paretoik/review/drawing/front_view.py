@@ -27,6 +27,7 @@ from paretoik.review.recording.recorded_end import front_point
 PACKAGE = "rerun_notebook"
 ASSET = "RERUN_NOTEBOOK_ASSET"  # where the browser gets the viewer from; by default the Rerun company's server
 ROOT = ROOTS[0]
+CELL = 1000.0  # width of a notebook's cell [pixels]
 
 
 class FrontView:
@@ -40,7 +41,9 @@ class FrontView:
         self._times = np.zeros(0)  # of all motions that were shown
         rows = np.linspace(0, len(front) - 1, min(len(front), DRAWING.walk)).round().astype(int)
         around = tuple(front_point(front, row) for row in np.unique(rows).tolist())
-        self._layer = ChoiceLayer(front=front, choices=(self._choice,), around=around)
+        self._layer = ChoiceLayer(
+            front=front, choices=(self._choice,), names=("selected point",), around=around, width=CELL
+        )
         self._stream = rr.RecordingStream("paretoik-front", send_properties=False)
         self.viewer = viewer(self._stream)
         self._layer.log_front(self._stream)

@@ -65,9 +65,9 @@ class Ground:
         recording.log(f"{entity}/labels", text, static=True)
 
     def eye(self) -> rrb.EyeControls3D:
-        """Look at the middle of everything from in front, from the right and from above."""
+        """Look at the middle of everything from in front, from the right and from above, its labels in sight."""
         middle, size = (self.low + self.high) / 2, float(np.linalg.norm(self.high - self.low))
-        return rrb.EyeControls3D(position=middle + size * np.array([0.44, -0.74, 0.42]), look_target=middle)
+        return rrb.EyeControls3D(position=middle + size * np.array([0.53, -0.89, 0.5]), look_target=middle)
 
     def _ticks(self, axis: int) -> np.ndarray:
         count = round((self.high[axis] - self.low[axis]) / self.step)

@@ -18,14 +18,15 @@ MARK = "● "
 
 @dataclass(frozen=True, kw_only=True)
 class Legend:
-    """Words and the colours of what they name, at ``entity``."""
+    """Words and the colours of what they name, at ``entity``, in rows so many pixels wide."""
 
     entity: str
     entries: Sequence[tuple[str, Colour]]
+    width: float = WIDTH
 
     def view(self) -> rrb.View:
         """Return the strip."""
-        bounds = rrb.VisualBounds2D(x_range=[0.0, WIDTH], y_range=[0.0, self.height])
+        bounds = rrb.VisualBounds2D(x_range=[0.0, self.width], y_range=[0.0, self.height])
         return rrb.Spatial2DView(
             origin=self.entity, name="legend", titlebar=False, visual_bounds=bounds, background=SCREEN.background
         )
@@ -54,7 +55,7 @@ class Legend:
         places, row, x = list[tuple[int, float]](), 0, 24.0
         for word, _ in self.entries:
             width = text_width(MARK + word) + 36.0  # wider than needed, for smaller windows
-            if x + width > WIDTH and x > 24.0:
+            if x + width > self.width and x > 24.0:
                 row, x = row + 1, 24.0
             places.append((row, x))
             x += width

@@ -46,7 +46,12 @@ class MaximaPanel:
         else:
             recording.log(ENTITY, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
             self._ground.log(recording, f"{ENTITY}/axes")
-        recording.log(f"{ENTITY}/final", self._outline(len(self.end), SCREEN.final, 0.8, 0.5), static=True)
+        everything = (
+            self._outline(len(self.end), SCREEN.final, 0.8, 0.5)
+            if self.planar
+            else self._rays(len(self.end), SCREEN.final, 0.8)
+        )
+        recording.log(f"{ENTITY}/final", everything, static=True)
         origin = self._points(np.zeros((1, 3)), SCREEN.target, 4.0, 1.0)
         recording.log(f"{ENTITY}/origin", origin, static=True)
 
@@ -54,8 +59,7 @@ class MaximaPanel:
         """Draw the first so many maxima, the last of them as the chosen one."""
         tips = self.tips[:count]
         found = np.isfinite(tips).all(axis=1)
-        rays = [np.stack([np.zeros(3), tip]) for tip in tips[found]]
-        recording.log(f"{ENTITY}/rays", self._strips(rays, SCREEN.lines, 0.6, 0.8))
+        recording.log(f"{ENTITY}/rays", self._rays(count, SCREEN.lines if self.planar else SCREEN.front, 0.6))
         recording.log(f"{ENTITY}/outline", self._outline(count, SCREEN.front, 1.6, 2.0))
         names = [f"direction {number}" for number in np.flatnonzero(found) + 1]
         corners = self._points(tips[found], SCREEN.front, 3.2, 3.0, labels=names, show_labels=False)
@@ -76,6 +80,11 @@ class MaximaPanel:
         """The maxima as vectors (directions, 3), NaN where none was found."""
         vectors = self.end.values[:, None] * self.end.directions
         return np.pad(vectors, ((0, 0), (0, 3 - vectors.shape[1])))
+
+    def _rays(self, count: int, colour: Colour, radius: float) -> Any:
+        tips = self.tips[:count]
+        rays = [np.stack([np.zeros(3), tip]) for tip in tips if np.isfinite(tip).all()]
+        return self._strips(rays, colour, radius, 0.8)
 
     def _outline(self, count: int, colour: Colour, radius: float, order: float) -> Any:
         """Return the polygon through the first so many maxima, closed where these are all; in space none."""
@@ -106,7 +115,8 @@ class MaximaPanel:
 
     @property
     def _labels(self) -> tuple[str, str, str]:
-        x, y, z = (f"{self.scene.word} along {axis} [{self.scene.unit}]" for axis in "xyz")
+        along = f"{self.scene.word} along " if self.planar else ""  # in space labels are short, to be in sight
+        x, y, z = (f"{along}{axis} [{self.scene.unit}]" for axis in "xyz")
         return x, y, z
 
     @cached_property

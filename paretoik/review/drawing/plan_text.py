@@ -58,7 +58,7 @@ def optimum_text(scene: PlannedScene, optima: Sequence[PlannedOptimum], place: i
     lines = [
         f"# Optimum {place} of {len(optima)}" + (", the best" if place == 0 else ""),
         f"- **{scene.name}**{', more is better' if scene.maximised else ''}: {_value(scene, value)}"
-        + (f", {abs(value - least) / max(abs(least), 1e-300):.2%} from the best" if place else ""),
+        + (f", {abs(value - least) / max(abs(least), 1e-300):.2%} worse than the best" if place else ""),
         f"- branch {optimum.branch}" if optimum.branch else "",
         f"- {optimum.status} (local)",
         f"- violation {optimum.violation_between:.2g} of a limit's range on a finer grid",

@@ -88,12 +88,13 @@ def choice_blueprint(
     *,
     name: str,
     recorded: rrb.Container | None,
+    narrow: bool = False,
 ) -> rrb.Blueprint:
     """Return the layout of a choice, or of two beside each other, on a common time; ``recorded`` may be a second tab.
 
-    Of one, words stand beside the arm; of two, below the front.
+    Of one, words stand beside the arm; of two, or where the viewer is ``narrow``, below the front.
     """
-    if len(texts) == 1:
+    if len(texts) == 1 and not narrow:
         arm, joints = arms[0] if arms else (None, ())
         body = Layout(
             legend=legend, front=front, charts=below, arm=arm, joints=joints, texts=texts, timeline="motion", name=name

@@ -1,4 +1,4 @@
-"""Recordings of few messages, or of an end alone: all there is is drawn anew with each of them."""
+"""Recordings that are drawn whole at their end, from few messages or none."""
 
 from __future__ import annotations
 
@@ -29,20 +29,17 @@ class Finished(Protocol):
 
 
 class WholeRecording:
-    """Draws a scene whole each time; errors of Rerun are raised. See ``recording_file.Drawing``."""
+    """Draws a scene once it is over, by whatever end; errors of Rerun are raised. See ``recording_file.Drawing``."""
 
     def __init__(self, scene: WholeScene, stream: rr.RecordingStream, options: RecorderOptions) -> None:
-        self._scene, self._stream, self._options = scene, stream, options
-        self._messages = list[Any]()
+        self._scene, self._stream = scene, stream
 
     def reduce(self, message: Any) -> Any:
         """Return the message: there are few."""
         return message
 
     def record(self, message: Any) -> None:
-        """Draw a message with those before it."""
-        self._messages.append(message)
-        self.finish(self._messages, None, "")
+        """Draw nothing yet: nobody watches."""
 
     def finish(self, messages: Sequence[Any], end: Any, note: str) -> None:
         """Draw all messages with their end, if there is one, and a note if any."""
