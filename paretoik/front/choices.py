@@ -7,8 +7,6 @@ back deletes nothing: what is chosen next becomes another branch.
 
 from __future__ import annotations
 
-import fcntl
-import os
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -20,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 from paretoik.errors import InvalidInput, InvalidRun
 from paretoik.front.choice import Choice, Preference
 from paretoik.front.subset import row_of
-from paretoik.run_files import CHOICES, RUN, check_digest, read_run, replace_file, run_bytes, to_json
+from paretoik.run_files import CHOICES, RUN, check_digest, only_writer, read_run, replace_file, run_bytes, to_json
 
 if TYPE_CHECKING:  # a front keeps its choices here
     from paretoik.front.front import Front
@@ -105,8 +103,8 @@ def keep_choice(
     folder = front.folder
     assert folder is not None
     try:
-        _check_holds(front, choice, folder)
-        with _only_writer(folder):
+        with _run_locked(folder):
+            _check_holds(front, choice, folder)
             choices = read_choices(folder)
             entry = KeptChoice(
                 id=len(choices) + 1,
@@ -130,7 +128,7 @@ def go_back(folder: Path, *, front: Front | None = None) -> Choices:
 
     Raises InvalidInput where there is no choice, and where a ``front`` that is told does not have the parent's point.
     """
-    with _only_writer(folder):
+    with _run_locked(folder):
         choices = read_choices(folder)
         if choices.chosen is None:
             raise InvalidInput(f"{folder}: wanted a choice to go back from, got none")
@@ -207,13 +205,9 @@ def _write(folder: Path, choices: Choices) -> None:
 
 
 @contextmanager
-def _only_writer(folder: Path) -> Iterator[None]:
-    """Hold the folder's lock, so that of two who choose at once neither choice is lost; it ends with the process."""
+def _run_locked(folder: Path) -> Iterator[None]:
+    """Lock a run folder against other writers; raises InvalidInput where it is none."""
     if not (folder / RUN).is_file():
         raise InvalidInput(f"{folder}: wanted a run folder, got none")
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX)
+    with only_writer(folder):
         yield
-    finally:
-        os.close(descriptor)
