@@ -61,17 +61,21 @@ class Choices:
 
     def __repr__(self) -> str:
         """Return the tree, a line a choice, the present one marked."""
-        return "\n".join(self._lines(None, "")) or "no choice yet"
+        return "\n".join(self._lines()) or "no choice yet"
 
-    def _lines(self, parent: int | None, indent: str) -> Iterator[str]:
+    def _lines(self) -> Iterator[str]:
         """Yield a line a choice, those that follow one another below each other, branches set in."""
-        children = [entry for entry in self.entries if entry.parent == parent]
-        for entry in children:
+        children: dict[int | None, list[KeptChoice]] = {}
+        for entry in self.entries:
+            children.setdefault(entry.parent, []).append(entry)
+        stack = [("  " * (len(children.get(None, ())) > 1), entry) for entry in reversed(children.get(None, ()))]
+        while stack:
+            indent, entry = stack.pop()
             values = ", ".join(f"{name} {value:.4g}" for name, value in entry.objectives.items())
             mark = "  <- now" if entry.id == self.current else ""
-            inner = indent + "  " * (len(children) > 1)
-            yield f"{inner}{entry.id}. point {entry.point} ({values}) by {entry.preference['text']}{mark}"
-            yield from self._lines(entry.id, inner)
+            yield f"{indent}{entry.id}. point {entry.point} ({values}) by {entry.preference['text']}{mark}"
+            following = children.get(entry.id, ())
+            stack += [(indent + "  " * (len(following) > 1), each) for each in reversed(following)]
 
 
 def read_choices(folder: Path) -> Choices:
@@ -181,9 +185,9 @@ def _check_tree(entries: Any, current: Any) -> None:
             raise ValueError(f"{wrong[0]} of entry {place} is {entry[wrong[0]]!r}")
         if not isinstance(entry["preference"].get("text"), str):
             raise ValueError(f"the preference of entry {place} has no text")
-        if entry["id"] != place or entry["parent"] not in (None, *range(1, place)):
+        if entry["id"] != place or not (entry["parent"] is None or 1 <= entry["parent"] < place):
             raise ValueError(f"entry {place} is out of order")
-    if current not in (None, *range(1, len(entries) + 1)):
+    if not (current is None or (isinstance(current, int) and 1 <= current <= len(entries))):
         raise ValueError(f"no entry {current!r}")
 
 

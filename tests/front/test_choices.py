@@ -5,7 +5,7 @@ import os
 import shutil
 import subprocess
 import sys
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import pytest
@@ -14,7 +14,7 @@ from paretoik.errors import InvalidInput, InvalidRun
 from paretoik.front.choices import read_choices
 from paretoik.front.front import Front
 from paretoik.front.preferences import Bounds, Weights
-from paretoik.run_files import CHOICES
+from paretoik.run_files import CHOICES, run_bytes
 
 ROOT = Path(__file__).parents[2]
 GROWING = """
@@ -67,6 +67,23 @@ def test_choices_are_a_tree_and_going_back_deletes_nothing(kept):
     assert choices.chosen.reason == third.reason
     assert choices.chosen.objectives == dict(zip(kept.names, third.objectives.tolist(), strict=True))
     assert len(repr(choices).splitlines()) == 3
+
+
+def test_thousands_of_choices_are_written_as_a_tree(kept):
+    kept.select(20)
+    first = kept.choices.entries[0]
+    entries = [replace(first, id=id, parent=id - 1 or None) for id in range(1, 3001)]
+    entries += [replace(first, id=id, parent=parent) for id, parent in ((3001, 1), (3002, None), (3003, 3002))]
+    content = {"entries": [asdict(entry) for entry in entries], "current": 3001}
+    (kept.folder / CHOICES).write_bytes(run_bytes(content))
+    lines = repr(kept.choices).splitlines()
+    assert [line.split(".")[0] for line in lines] == [
+        "  1",
+        *(f"    {id}" for id in range(2, 3002)),
+        "  3002",
+        "  3003",
+    ]
+    assert [line for line in lines if line.endswith("  <- now")] == lines[3000:3001]
 
 
 def test_the_first_choice_can_be_taken_back_but_no_more(kept):
