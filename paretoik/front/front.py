@@ -32,6 +32,7 @@ from paretoik.front.joint_motions import JointMotions
 from paretoik.front.navigation import navigate, navigated, refine_around, verdict_on
 from paretoik.front.reason import explain
 from paretoik.front.subset import Bound, has_point, row_of, with_ids, within_bounds
+from paretoik.front.supported import supported
 from paretoik.inputs import check_flag, file_path
 from paretoik.tables import html_representation
 
@@ -137,6 +138,8 @@ class Front:
         distance = np.where(self.maximised, high - self.objectives, self.objectives - low)
         shares: Objectives = np.divide(distance, width, out=np.zeros_like(distance), where=width > 0)
         return read_only(shares)
+
+    supported = cached_property(supported)
 
     @property
     def violation_between(self) -> Values | None:
