@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +13,7 @@ from paretoik.errors import InvalidInput, InvalidRun
 from paretoik.formulations.protocol import is_loop
 from paretoik.front.front import Front
 from paretoik.front.joint_motions import StoredMotions
+from paretoik.front.reason import list_words
 from paretoik.inputs import file_path
 from paretoik.review.limits_between import describe_limits_between
 from paretoik.review.report.report import Report, Steps
@@ -49,12 +49,8 @@ def report(front: Front | Path | str, file: Path | str | None = None) -> Path:
 
 def _title(front: Front) -> str:
     if is_loop(front):
-        return f"A closed loop by {_listed(front.names)}"
-    return f"The front of {_listed(front.names)}" if len(front.names) > 1 else f"The optimum of {front.names[0]}"
-
-
-def _listed(names: Sequence[str]) -> str:
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+        return f"A closed loop by {list_words(front.names)}"
+    return f"The front of {list_words(front.names)}" if len(front.names) > 1 else f"The optimum of {front.names[0]}"
 
 
 def _notes(front: Front) -> list[str]:

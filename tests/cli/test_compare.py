@@ -30,3 +30,6 @@ def test_compare_as_json_holds_the_numbers(paretoik, finished):
     assert said["hypervolume"] == [1.0, 1.0]
     assert said["coverage"] == [[1.0, 1.0], [1.0, 1.0]]
     assert said["differences"] == {}
+    front = pk.load_front(finished)
+    assert sorted(said["attainment"]["all"]["median"]) == sorted(front.objectives.tolist())
+    assert list(said["attainment"]["labels"]) == [finished.name]  # one label, as of two runs of one method

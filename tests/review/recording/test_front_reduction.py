@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from paretoik.front.indicators import estimate_hypervolume, hypervolume
-from paretoik.review.drawing.recording import front_reduction
+from paretoik.review.recording import front_reduction
 from paretoik.review.recording.front_reduction import FrontReduction, reduction_note, spread_rows
 from paretoik.review.recording.recorder import Generation
 

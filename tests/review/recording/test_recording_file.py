@@ -10,7 +10,7 @@ import pytest
 import rerun as rr
 
 from paretoik.front.front import Front
-from paretoik.review.drawing.recording import live_view
+from paretoik.review.recording import live_view
 from paretoik.review.recording.recorder import Generation, SearchedFront, SearchEnd
 from paretoik.review.recording.recording_file import RecordingFile
 from paretoik.review.recording.recording_process import Opening, RecorderOptions
