@@ -16,9 +16,10 @@ from paretoik.joint_trajectory.controllers import find_controller
 from paretoik.joint_trajectory.fitting import fit_motion
 from paretoik.joint_trajectory.formats import Format, find_format, write_trajectory
 from paretoik.joint_trajectory.limit_check import LimitUse
+from paretoik.joint_trajectory.ros import check_bag
 from paretoik.joint_trajectory.time_scaling import time_scaling
 from paretoik.joint_trajectory.trajectory import JointTrajectory, same_joints, sample_motion
-from paretoik.run_files import to_json
+from paretoik.run_files import check_target, to_json
 from paretoik.task.motion import Motion
 
 
@@ -64,10 +65,10 @@ def export(
     its = None if controller is None else find_controller(controller, one.arm)
     scaling = time_scaling(float(one.duration), _rate(rate, its), time_scale=time_scale, ramp=ramp)
     notes = to_json(dict(metadata or {}), name="metadata")
-    if (target.exists() or target.is_symlink()) and not overwrite:
-        raise InvalidInput(
-            f"{target}: a new file or permission to overwrite (--overwrite) wanted, got one that is there"
-        )
+    if kind == "ros2-bag":
+        check_bag(target, overwrite=overwrite)
+    else:
+        check_target("export", target, overwrite=overwrite)
     if its is None:
         if slow_down:
             raise InvalidInput("slow_down: a controller, whose limits say how much, wanted, got none")

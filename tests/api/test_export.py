@@ -99,6 +99,13 @@ def test_a_file_that_is_there_is_replaced_only_where_told(tmp_path):
         ({"format": "xml"}, "format: one of csv, parquet, npz, joint-trajectory, ros2-bag wanted, got 'xml'"),
         ({"file": None}, "file: a path wanted, got None"),
         ({"file": "swing"}, "swing: a format of csv"),
+        ({"file": "a\0b.csv"}, r"file: a path wanted, got 'a\x00b.csv'"),
+        ({"file": ".", "format": "csv"}, "export: wanted a file to write into, got the folder ."),
+        (
+            {"file": "/", "format": "ros2-bag", "overwrite": True},
+            "bag: wanted a folder of its own to write into, got the folder /",
+        ),
+        ({"file": "x" * 300 + ".csv"}, "x.csv: wanted to write it, got File name too long"),
         ({"motion": None}, "motion: a Motion or the Choice of one wanted, got None"),
         ({"metadata": {"by": object()}}, "metadata.by: wanted what JSON can hold, got object"),
     ],
