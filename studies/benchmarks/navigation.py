@@ -7,7 +7,7 @@ front, one random objective paying, the others held. A move counts as certified 
 1e-6 and keeps its limits to 1e-8, as best if no method found a payer lower by more than 1e-5 of its range: ours from
 every point of the front, and the peers. Rates are those of a further move by 0.1 % against the certificate's. Peers
 start warm from the point that is left, and cold from one that a seed draws among the front's; they get compiled code
-where there is a compiler. FATROP cannot state a cycle, and neither of them obstacles, directions or paths that are not
+where there is a compiler, on the Panda, whose code takes minutes to compile, CasADi's interpreter. FATROP cannot state a cycle, and neither of them obstacles, directions or paths that are not
 given. Times are processor time, ours with all that is followed and solved for a move.
 """
 
@@ -53,11 +53,12 @@ class Goals:
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
-    """A problem, the points of its front, and whether peers have a program of it."""
+    """A problem, the points of its front, whether peers have a program of it, and whether that is compiled."""
 
     make: Callable[[], pk.Tracking | pk.DirectionalMaxima | pk.PointToPoint]
     points: int = 12
     has_peers: bool = True
+    compiles: bool = True
     goals: Goals = Goals()
 
 
@@ -80,7 +81,9 @@ CASES = {
     ),
     "papers' arm, circle": Case(make=trade_off_maker("simulation_5")),
     "papers' arm, past a post": Case(make=past_a_post, has_peers=False),
-    "Panda, three objectives": Case(make=panda.across_the_table, goals=Goals(step=100.0, certified=95.0, best=93.0)),
+    "Panda, three objectives": Case(
+        make=panda.across_the_table, compiles=False, goals=Goals(step=100.0, certified=95.0, best=93.0)
+    ),
     "directions, motors at the joints": Case(make=kim_2021.directions_jam, has_peers=False),
     "point to point, sliders": Case(make=kim_2021.point_to_point_dam, has_peers=False),
 }
@@ -185,11 +188,11 @@ def peers_of(case: Case, problem: object, folder: Path) -> dict[str, Peer]:
     """Return the peers that can state a problem, compiled into a folder."""
     if not case.has_peers or not isinstance(problem, pk.Tracking):
         return {}
-    task, name = problem.task, f"navigated_{problem.task.arm.dof}"
-    name += "_cyclic" if task.cyclic else ""
-    peers: dict[str, Peer] = {"IPOPT": joint_program(task, compiled_program(task, name, folder) if COMPILER else "")}
+    task, compiles = problem.task, case.compiles and COMPILER is not None
+    name = "navigated_cycle" if task.cyclic else "navigated"
+    peers: dict[str, Peer] = {"IPOPT": joint_program(task, compiled_program(task, name, folder) if compiles else "")}
     if not task.cyclic:
-        peers["FATROP"] = staged_program(task, folder if COMPILER else None, name)
+        peers["FATROP"] = staged_program(task, folder if compiles else None, name)
     return peers
 
 
