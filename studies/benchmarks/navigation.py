@@ -6,9 +6,10 @@ Every move improves a random objective of a random point by 1 to 20 % of its ran
 front, one random objective paying, the others held. A move counts as certified if its point has a residual of at most
 1e-6 and keeps its limits to 1e-8, as best if no method found a payer lower by more than 1e-5 of its range: ours from
 every point of the front, and the peers. Rates are those of a further move by 0.1 % against the certificate's. Peers
-start warm from the point that is left, and cold from one that a seed draws among the front's; they get compiled code
-where there is a compiler, on the Panda, whose code takes minutes to compile, CasADi's interpreter. FATROP cannot state a cycle, and neither of them obstacles, directions or paths that are not
-given. Times are processor time, ours with all that is followed and solved for a move.
+start warm from the point that is left, and cold from one that a seed draws among the front's; where there is a compiler
+they get compiled code, on the Panda, whose code takes minutes to compile, CasADi's interpreter. FATROP cannot state a
+cycle, and neither of them obstacles, directions or paths that are not given. Times are processor time, ours with all
+that is followed and solved for a move.
 """
 
 from __future__ import annotations
