@@ -11,7 +11,7 @@ from paretoik.api.load_front import load_front
 from paretoik.api.run_session import verb_session
 from paretoik.execution.run_folder import check_other_folder, claim_folder, lock_folder
 from paretoik.front.front import Choice, Front
-from paretoik.front.navigation import NAVIGATIONS
+from paretoik.front.provenance import NAVIGATIONS
 from paretoik.inputs import file_path
 from paretoik.run_files import CERTIFICATES, PICTURE
 

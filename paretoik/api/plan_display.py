@@ -20,10 +20,9 @@ from paretoik.trajectory.program import joint_distance
 
 
 class PlanDisplay:
-    """Shows a session the levels of a plan and its result; ``starts`` are those of the first level."""
+    """Shows a session the levels of a plan and its result."""
 
     def __init__(self, session: RunSession, problem: Any) -> None:
-        self.starts = 0
         self._session, self._problem = session, problem
         self._show = count_observer(session.observe, "sample")
         self._levels = list[PlannedLevel]()
@@ -36,7 +35,6 @@ class PlanDisplay:
 
     def show_level(self, level: LevelProgress) -> None:
         """Show a level that is done."""
-        self.starts = self.starts or len(level.starts)
         if self._session.folder is not None:
             self._levels.append(_planned_level(len(self._levels), level))
             self._session.record(self._levels[-1])

@@ -69,11 +69,10 @@ def _draw_surfaces(axes: Axes, comparison: Comparison) -> None:
     """Draw for each label with several runs the surfaces that the best, the median and the worst attain."""
     window = np.stack([np.ptp(values) * 0.06 for values in np.concatenate([f.objectives for f in comparison.fronts]).T])
     ends = np.concatenate([front.minimised for front in comparison.fronts]).max(axis=0) + window
-    several = {name: places for name, places in comparison.groups.items() if len(places) > 1}
-    for name, places in several.items():
+    for name in (name for name, places in comparison.groups.items() if len(places) > 1):
         colour = PAPER.accent(list(comparison.groups).index(name))
-        for share, line, words in ((1 / len(places), ":", "best"), (0.5, "-", "median"), (1.0, "--", "worst")):
-            x, y = _staircase(comparison, comparison.attainment(share, name), ends).T
+        for (words, surface), line in zip(comparison.surfaces(name).items(), (":", "-", "--"), strict=True):
+            x, y = _staircase(comparison, surface, ends).T
             text = f"{name}: {words} attainment"
             axes.plot(x, y, linestyle=line, color=colour, linewidth=1.1, label=text, zorder=1)
 

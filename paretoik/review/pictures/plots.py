@@ -16,14 +16,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 from PIL import Image
+from PIL.PngImagePlugin import PngInfo
 
-from paretoik.errors import InvalidInput
 from paretoik.front.compromise import compromise
 from paretoik.front.front import Choice, Front
 from paretoik.front.joint_motions import StoredMotions
 from paretoik.front.marked_rows import best_rows
 from paretoik.review.limits_between import describe_limits_between
 from paretoik.review.palette import PAPER, objective_label
+from paretoik.run_files import replace_file
 
 WITHOUT_ARM = "The run names no problem that can be loaded: its arm is drawn after load_front(folder, problem)."
 
@@ -66,17 +67,17 @@ def front_picture(front: Front, file: Path | str, choice: Choice | None = None) 
 
 @contextmanager
 def picture(file: Path | str, size: tuple[float, float]) -> Iterator[Figure]:
-    """Yield a figure of a size [inches] and write it as a small PNG; raises InvalidInput where that fails."""
+    """Yield a figure of a size [inches] and write it as a small PNG of ours; raises InvalidInput where that fails."""
     pixels = io.BytesIO()
     with matplotlib.rc_context(PAPER.style):
         figure = Figure(figsize=size, dpi=125, layout="constrained")
         yield figure
         figure.savefig(pixels, format="png")
-    try:
-        # A palette takes a third of the space of true colours, and the eye sees no difference.
-        Image.open(pixels).convert("RGB").quantize(128).save(file, format="png", optimize=True)
-    except OSError as fault:
-        raise InvalidInput(f"{file}: wanted to write a picture, got {fault.strerror}") from fault
+    mark, content = PngInfo(), io.BytesIO()
+    mark.add_text("Software", "paretoik")  # run_files.PICTURE_MARK
+    # A palette takes a third of the space of true colours, and the eye sees no difference.
+    Image.open(pixels).convert("RGB").quantize(128).save(content, format="png", optimize=True, pnginfo=mark)
+    replace_file(Path(file), content.getvalue())
 
 
 def label(front: Front, axis: int) -> str:

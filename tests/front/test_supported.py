@@ -4,14 +4,15 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from paretoik.front.preferences.supported import reached_by_weights
+from paretoik.front.front import Front
+from paretoik.front.supported import _unmatched_by_mixtures
 from tests.front.random_fronts import random_front
 
 
 @pytest.mark.parametrize("seed", range(40))
 def test_points_that_some_weights_choose_are_reached_and_no_weights_reach_the_others(seed):
     front = random_front(seed, points=40)
-    reached, Z = reached_by_weights(front), front.shares
+    reached, Z = front.supported, front.shares
     size = Z.shape[1]
     weights = np.random.default_rng(seed).dirichlet(np.full(size, 0.5), 2000)
     sums = Z @ weights.T
@@ -35,8 +36,24 @@ def test_a_straight_and_a_bulging_front_are_reached_and_a_hollow_one_at_its_ends
         (1 - np.stack([np.sin(angles), np.cos(angles)], axis=1), range(9)),
         (np.stack([np.sin(angles), np.cos(angles)], axis=1), (0, 8)),
     ):
-        front = random_front(0, n_obj=2, points=2)
-        front = type(front)(
-            ids=np.arange(9), objectives=values, names=["a", "b"], units=["", ""], maximised=[False] * 2
-        )
-        assert np.flatnonzero(reached_by_weights(front)).tolist() == sorted(expected)
+        front = Front(ids=np.arange(9), objectives=values, names=["a", "b"], units=["", ""], maximised=[False] * 2)
+        assert np.flatnonzero(front.supported).tolist() == sorted(expected)
+
+
+@pytest.mark.parametrize("seed", range(100))
+def test_of_two_objectives_the_hull_says_what_mixtures_of_points_do(seed):
+    front = random_front(seed, n_obj=2, points=1 + seed)
+    assert np.array_equal(front.supported, _unmatched_by_mixtures(front.shares))
+
+
+def test_the_hull_is_computed_once_a_front():
+    angles = np.linspace(0.0, np.pi / 2, 5000)
+    front = Front(
+        ids=np.arange(len(angles)),
+        objectives=1 - np.stack([np.sin(angles), np.cos(angles)], axis=1),
+        names=["a", "b"],
+        units=["", ""],
+        maximised=[False] * 2,
+    )
+    assert front.supported.all()
+    assert front.supported is front.supported
