@@ -6,12 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from paretoik.review.drawing_options import DRAWING
 from paretoik.review.plan_panel import PlanPanel
 from paretoik.review.planned import PlanEnd, PlannedLevel, PlannedOptimum, PlannedScene
 from paretoik.review.point_text import run_text
 from paretoik.review.screen_text import screen_text
-
-LISTED = 12  # optima in a list
 
 
 def level_text(panel: PlanPanel, level: PlannedLevel) -> str:
@@ -26,7 +25,7 @@ def level_text(panel: PlanPanel, level: PlannedLevel) -> str:
     if beyond := panel.beyond(level):
         lines.append(f"{_count(beyond, 'start')} too far off for the picture: drawn at its edge.")
     lines += ["", "## Optima of the level", ""]
-    for place, value in enumerate(level.optima[:LISTED]):
+    for place, value in enumerate(level.optima[: DRAWING.optima]):
         hits = int((motions.optimum == place).sum())
         lines.append(f"- {place}: {_value(scene, value)}, from {_count(hits, 'start')}")
     lines += _further(len(level.optima))
@@ -71,13 +70,13 @@ def plan_end_text(scene: PlannedScene, end: PlanEnd) -> str:
     lines = [optimum_text(scene, end.optima, 0), "", "## Optima", ""]
     lines += [
         f"- {place}: {_value(scene, each.point.objectives[0])}" + (f", {each.branch}" if each.branch else "")
-        for place, each in enumerate(end.optima[:LISTED])
+        for place, each in enumerate(end.optima[: DRAWING.optima])
     ]
     return screen_text("\n".join([*lines, *_further(len(end.optima)), "", run_text(end.provenance)]))
 
 
 def _further(count: int) -> list[str]:
-    return [f"- and {count - LISTED} more"] if count > LISTED else []
+    return [f"- and {count - DRAWING.optima} more"] if count > DRAWING.optima else []
 
 
 def _value(scene: PlannedScene, value: float) -> str:
