@@ -58,9 +58,11 @@ def optimum_text(scene: PlannedScene, optima: Sequence[PlannedOptimum], place: i
         f"# Optimum {place} of {len(optima)}" + (", the best" if place == 0 else ""),
         f"- **{scene.name}**{', more is better' if scene.maximised else ''}: {_value(scene, value)}"
         + (f", {abs(value - least) / max(abs(least), 1e-300):.2%} worse than the best" if place else ""),
-        f"- branch {optimum.branch}" if optimum.branch else "",
+        f"- branch {_branch(optimum)}" if optimum.branch else "",
         f"- {optimum.status} (local)",
-        f"- violation {optimum.violation_between:.2g} of a limit's range on a finer grid",
+        f"- violation {optimum.violation_between:.2g} of a limit's range on a finer grid"
+        if np.isfinite(optimum.violation_between)
+        else "- leaves its path between the samples",
     ]
     return screen_text("\n".join(line for line in lines if line))
 
@@ -69,10 +71,14 @@ def plan_end_text(scene: PlannedScene, end: PlanEnd) -> str:
     """Return what is to be known of a plan."""
     lines = [optimum_text(scene, end.optima, 0), "", "## Optima", ""]
     lines += [
-        f"- {place}: {_value(scene, each.point.objectives[0])}" + (f", {each.branch}" if each.branch else "")
+        f"- {place}: {_value(scene, each.point.objectives[0])}" + (f", {_branch(each)}" if each.branch else "")
         for place, each in enumerate(end.optima[: DRAWING.optima])
     ]
     return screen_text("\n".join([*lines, *_further(len(end.optima)), "", run_text(end.provenance)]))
+
+
+def _branch(optimum: PlannedOptimum) -> str:
+    return f"`{optimum.branch}`"  # as it is: Markdown strikes out what stands between tildes
 
 
 def _further(count: int) -> list[str]:

@@ -87,7 +87,9 @@ def test_a_plan_ends_on_its_optima_and_its_best_moves(plan):
         series = rows(entities[f"/joints/{kind}"], "motion", "scalars")
         assert sorted(series) == np.round(time * SECOND).astype(int).tolist()
         np.testing.assert_array_equal(np.stack([series[at] for at in sorted(series)]), getattr(found.best.motion, name))
-    assert f"# Optimum 0 of {len(found.optima)}, the best" in last_text(entities["/text"], "level", 9)
+    words = last_text(entities["/text"], "level", 9)
+    assert words.startswith(f"# Optimum 0 of {len(found.optima)}, the best")
+    assert f"`{found.best.label}`" in words
 
 
 def test_every_start_of_a_plan_leads_to_what_is_drawn_of_it(plan):
