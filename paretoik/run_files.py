@@ -6,11 +6,13 @@ altered file is refused.
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import json
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path, PurePath
 from typing import Any
 
@@ -54,11 +56,51 @@ CONTENTS = (
 )
 
 
+PAGES = (REPORT, PICTURE, CERTIFICATES, DRAWING)  # to be looked at; a run lives without
+PAGE_MARK = b'<meta name="generator" content="paretoik">'
+PICTURE_MARK = b"Software\0paretoik"  # a text chunk of PNG
+MARK_WITHIN = 4096  # bytes of the beginning of a page or a picture of ours
+
+
+def check_target(
+    name: str, file: Path, *, overwrite: bool = False, mark: bytes | None = None, folder: bool = False
+) -> None:
+    """Raise InvalidInput, by ``name``, where nobody may write a file there, so that this is known before any work.
+
+    That is a folder, unless that is wanted, a name that the system refuses, a file that a run lives by, and without
+    ``overwrite`` any file that is there, except one of ours that has the ``mark`` of what is to be written.
+    """
+    kind = "a folder of its own" if folder else "a file"
+    if file.name in ("", ".."):
+        raise InvalidInput(f"{name}: wanted {kind} to write into, got the folder {file}")
+    if file.name in set(CONTENTS) - set(PAGES) and is_run(file.parent / RUN):
+        raise InvalidInput(f"{name}: wanted a file that is not the run's own, got {file}")
+    try:
+        file.lstat()
+    except FileNotFoundError:
+        return
+    except OSError as fault:
+        raise InvalidInput(f"{file}: wanted to write it, got {fault.strerror}") from fault
+    if file.is_dir() and not folder:
+        raise InvalidInput(f"{name}: wanted {kind} to write into, got the folder {file}")
+    if not (overwrite or (mark is not None and _has_mark(file, mark))):
+        raise InvalidInput(f"{file}: a new file or permission to overwrite (--overwrite) wanted, got one that is there")
+
+
+def _has_mark(file: Path, mark: bytes) -> bool:
+    if file.is_symlink() or not file.is_file():
+        return False
+    with file.open("rb") as content:
+        return mark in content.read(MARK_WITHIN)
+
+
 def replace_file(file: Path, content: bytes) -> None:
     """Write ``content`` into a temporary file and rename it to ``file``, so that no reader sees a part; make folders.
 
     Raises InvalidInput where the system refuses, as on a full disk; the former file is unchanged then.
     """
+    if file.name in ("", ".."):
+        raise InvalidInput(f"{file}: wanted to write it, got a folder")
     part = file.with_name(f".{file.name}.{os.getpid()}")
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
@@ -72,6 +114,25 @@ def replace_file(file: Path, content: bytes) -> None:
             part.unlink(missing_ok=True)
     except OSError as fault:
         raise InvalidInput(f"{file}: wanted to write it, got {fault.strerror}") from fault
+
+
+@contextmanager
+def only_writer(folder: Path) -> Iterator[None]:
+    """Hold a folder's lock while its files are replaced, so that of two processes neither loses what it adds.
+
+    The folder is made if need be; the lock ends with the process. Raises InvalidInput where the system refuses.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        descriptor = os.open(folder, os.O_RDONLY)
+    except OSError as fault:
+        raise InvalidInput(f"{folder}: wanted a folder to write into, got {fault.strerror}") from fault
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        fcntl.flock(descriptor, fcntl.LOCK_UN)  # a process forked meanwhile has the descriptor too
+        os.close(descriptor)
 
 
 def run_bytes(entries: Mapping[str, Any]) -> bytes:

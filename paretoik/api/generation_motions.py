@@ -9,7 +9,7 @@ import numpy as np
 
 from paretoik.formulations.protocol import decode
 from paretoik.front.marked_rows import marked_rows
-from paretoik.review.recorded_point import RecordedPoint, record_motion
+from paretoik.review.recording.recorded_point import RecordedPoint, record_motion
 from paretoik.search.ask_tell import Search
 from paretoik.search.endings import Progress
 

@@ -105,7 +105,7 @@ def plan(
         display = PlanDisplay(session, problem)
         with session.computing(time_limit):
             plan = find_optima(starts=starts, seed=seed, initial=initial, solver=solver, observe=display.show_level)
-        counts = {"optima": len(plan.optima), "starts": display.starts, "seconds": round(session.seconds, 3)}
+        counts = {"optima": len(plan.optima), "starts": plan.starts, "seconds": round(session.seconds, 3)}
         ending = {"status": session.stopped_by or "optima", "counts": counts}
         plan = replace(plan, provenance={**session.provenance, **ending})
         (name,), (unit,), (maximised,) = problem.names, problem.units, problem.maximised

@@ -9,9 +9,9 @@ import numpy as np
 from paretoik.api.progress import count_observer
 from paretoik.api.run_session import RunSession
 from paretoik.review.palette import objective_label
-from paretoik.review.planned import PlanEnd, PlannedLevel, PlannedMotions, PlannedOptimum, PlannedScene
-from paretoik.review.recorded_point import RecordedPoint, record_motion
-from paretoik.review.workcell import workcell_of
+from paretoik.review.recording.planned import PlanEnd, PlannedLevel, PlannedMotions, PlannedOptimum, PlannedScene
+from paretoik.review.recording.recorded_point import RecordedPoint, record_motion
+from paretoik.review.recording.workcell import workcell_of
 from paretoik.run_files import DRAWING
 from paretoik.trajectory.level_progress import LevelProgress
 from paretoik.trajectory.levels import OPTIONS
@@ -20,10 +20,9 @@ from paretoik.trajectory.program import joint_distance
 
 
 class PlanDisplay:
-    """Shows a session the levels of a plan and its result; ``starts`` are those of the first level."""
+    """Shows a session the levels of a plan and its result."""
 
     def __init__(self, session: RunSession, problem: Any) -> None:
-        self.starts = 0
         self._session, self._problem = session, problem
         self._show = count_observer(session.observe, "sample")
         self._levels = list[PlannedLevel]()
@@ -36,7 +35,6 @@ class PlanDisplay:
 
     def show_level(self, level: LevelProgress) -> None:
         """Show a level that is done."""
-        self.starts = self.starts or len(level.starts)
         if self._session.folder is not None:
             self._levels.append(_planned_level(len(self._levels), level))
             self._session.record(self._levels[-1])
@@ -51,7 +49,7 @@ class PlanDisplay:
         self._session.finish_recording(_plan_end(plan))
         if self._session.signal is not None:
             return
-        from paretoik.review.plan_picture import plan_picture  # here: matplotlib takes its time
+        from paretoik.review.pictures.plan_picture import plan_picture  # here: matplotlib takes its time
 
         plan_picture(plan, self._levels, self._label, self._session.folder / DRAWING)
 

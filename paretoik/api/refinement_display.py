@@ -12,10 +12,10 @@ from paretoik.front.front import Front
 from paretoik.front.hypervolume_curve import HypervolumeCurve
 from paretoik.front.indicators import RELATIVE_ROUNDING, ranges_of
 from paretoik.front.marked_rows import marked_rows
-from paretoik.review.recorded_end import front_point
-from paretoik.review.recorded_point import RecordedPoint
-from paretoik.review.recorder import Generation
-from paretoik.review.workcell import workcell_of
+from paretoik.review.recording.recorded_end import front_point
+from paretoik.review.recording.recorded_point import RecordedPoint
+from paretoik.review.recording.recorder import Generation
+from paretoik.review.recording.workcell import workcell_of
 
 
 class RefinementDisplay:

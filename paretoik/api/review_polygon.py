@@ -10,8 +10,8 @@ import numpy as np
 
 from paretoik.api.run_session import RunSession
 from paretoik.capability.directional import DirectionalQuery, PerformancePolygon
-from paretoik.review.measured_maxima import MaximaScene, maxima_end
-from paretoik.review.workcell import workcell_of
+from paretoik.review.recording.measured_maxima import MaximaScene, maxima_end
+from paretoik.review.recording.workcell import workcell_of
 from paretoik.run_files import DRAWING
 
 
@@ -30,6 +30,6 @@ def review_polygon(polygon: PerformancePolygon, provenance: Mapping[str, Any], s
     session.finish_recording(maxima_end(polygon, provenance))
     if session.signal is not None:
         return
-    from paretoik.review.polygon_picture import polygon_picture  # here: matplotlib takes its time
+    from paretoik.review.pictures.polygon_picture import polygon_picture  # here: matplotlib takes its time
 
     polygon_picture(polygon, session.folder / DRAWING)

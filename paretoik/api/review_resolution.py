@@ -9,8 +9,8 @@ from paretoik.api.run_session import RunSession
 from paretoik.errors import Infeasible
 from paretoik.resolution.resolve import Resolution, resolve
 from paretoik.resolution.traces import ResolvedMotion
-from paretoik.review.resolved import ResolutionEnd, ResolvedScene, record_traces
-from paretoik.review.workcell import workcell_of
+from paretoik.review.recording.resolved import ResolutionEnd, ResolvedScene, record_traces
+from paretoik.review.recording.workcell import workcell_of
 from paretoik.run_files import DRAWING
 
 
@@ -51,7 +51,7 @@ def review_resolution(motion: ResolvedMotion, resolution: Resolution, session: R
     if session.folder is None:
         return
     _finish_recording(motion, {**session.provenance, "status": "resolved"}, session)
-    from paretoik.review.resolution_picture import resolution_picture  # here: matplotlib takes its time
+    from paretoik.review.pictures.resolution_picture import resolution_picture  # here: matplotlib takes its time
 
     while motion.q.ndim > 2:
         motion = motion[0]

@@ -21,8 +21,8 @@ from paretoik.formulations.protocol import Timeline
 from paretoik.front.front import Front
 from paretoik.inputs import check_flag, file_path
 from paretoik.loading import fingerprint
-from paretoik.review.recorder import Recorder, Scene, SearchedFront
-from paretoik.review.workcell import Workcell
+from paretoik.review.recording.recorder import Recorder, Scene, SearchedFront
+from paretoik.review.recording.workcell import Workcell
 from paretoik.run_files import RECORDING, write_run
 from paretoik.stop_flag import STOP, Interrupted
 

@@ -49,7 +49,10 @@ def plan_text(plan: Plan, name: str, unit: str, out: Path) -> str:
     rows = [("optimum", f"{name} [{unit}]" if unit else name, "branch", "status", "limits between samples")]
     for rank, each in enumerate(plan.optima):
         rows.append((str(rank), f"{each.objective:.6g}", each.label, each.status, _kept(each.violation_between)))
-    return "\n".join([*lines, columns(rows), f"pictured in {out / DRAWING}"])
+    lines.append(columns(rows))
+    if (out / DRAWING).exists():  # not after a signal
+        lines.append(f"pictured in {out / DRAWING}")
+    return "\n".join(lines)
 
 
 def optima_entries(plan: Plan) -> list[dict[str, Any]]:

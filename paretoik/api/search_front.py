@@ -23,8 +23,8 @@ from paretoik.front.front import Front
 from paretoik.front.hypervolume_curve import HypervolumeCurve
 from paretoik.inputs import real_array
 from paretoik.nlp.minimise import check_solver
-from paretoik.review.recorder import Generation
-from paretoik.review.workcell import workcell_of
+from paretoik.review.recording.recorder import Generation
+from paretoik.review.recording.workcell import workcell_of
 from paretoik.search.ask_tell import Search
 from paretoik.search.endings import Ending, Evaluations, Generations, Progress, Stagnation, Target, TimeLimit
 from paretoik.search.evolution import evolve

@@ -16,8 +16,8 @@ from paretoik.front.hypervolume_curve import HypervolumeCurve
 from paretoik.front.indicators import ranges_of
 from paretoik.front.marked_rows import marked_rows
 from paretoik.pareto.sweep import SweepProgress
-from paretoik.review.recorded_point import RecordedPoint, record_motion
-from paretoik.review.recorder import Generation
+from paretoik.review.recording.recorded_point import RecordedPoint, record_motion
+from paretoik.review.recording.recorder import Generation
 
 
 class SweepDisplay:

@@ -28,7 +28,10 @@ def export(
         Literal["csv", "parquet", "npz", "joint-trajectory", "ros2-bag"] | None,
         typer.Option(help="What to write: the ending of --out, or else csv.", show_default=False),
     ] = None,
-    rate: Annotated[float | None, typer.Option(help="Samples a second (the controller's).", show_default=False)] = None,
+    rate: Annotated[
+        float | None,
+        typer.Option(help="Samples a second (the controller's; else as many as the motion has).", show_default=False),
+    ] = None,
     controller: Annotated[
         str | None,
         typer.Option(

@@ -54,7 +54,7 @@ def _layers(run: Path, recording: Path, layer: Path, point: int | None, compare:
     from paretoik.formulations.protocol import is_loop
     from paretoik.front.choices import chosen
     from paretoik.front.compromise import compromise
-    from paretoik.review.choice_layer import write_choice_layer
+    from paretoik.review.drawing.choice_layer import write_choice_layer
 
     front = load_front(run)
     if is_loop(front):
@@ -68,7 +68,7 @@ def _layers(run: Path, recording: Path, layer: Path, point: int | None, compare:
 
 def _open(recording: Path, *layers: str) -> None:
     """Open files in the viewer and wait for it; raises InvalidInput where it does not start."""
-    from paretoik.review.viewer import run_viewer
+    from paretoik.review.recording.viewer import run_viewer
 
     viewer = run_viewer(str(recording), *layers)  # without a screen it ends with an error
     if viewer.returncode != 0:

@@ -19,7 +19,8 @@ from paretoik.front.certificates import Certificates, concatenate
 from paretoik.front.front import Front
 from paretoik.front.indicators import ranges_of
 from paretoik.front.joint_motions import StoredJoints, StoredMotions
-from paretoik.front.navigation import NAVIGATIONS, NavigationRequest
+from paretoik.front.navigation import NavigationRequest
+from paretoik.front.provenance import NAVIGATIONS
 from paretoik.front.subset import largest_id
 from paretoik.nlp.program import Program
 from paretoik.pareto.certificates import certify

@@ -12,13 +12,12 @@ from jaxtyping import Float, Int
 
 from paretoik.arrays import Mask
 from paretoik.errors import InvalidInput
-from paretoik.front.navigation import NAVIGATIONS
+from paretoik.front.provenance import LARGEST_ID, NAVIGATIONS
 from paretoik.inputs import finite_number
 
 if TYPE_CHECKING:  # a front asks this file for its parts
     from paretoik.front.front import Front
 
-LARGEST_ID = "largest_id"  # an entry in a front's provenance
 
 Bound: TypeAlias = tuple[float | None, float | None]
 
@@ -26,8 +25,17 @@ Bound: TypeAlias = tuple[float | None, float | None]
 def row_of(front: Front, number: object, *, name: str = "front") -> int:
     """Return the row of the point with an id; raises InvalidInput where the front has none."""
     if isinstance(number, bool) or not isinstance(number, Integral):
-        raise InvalidInput(f"{name}: an id, or several, wanted, got {number!r}")
+        raise InvalidInput(f"{name}: an id of a point wanted, got {number!r}")
     return int(_rows_of(front, np.array([int(number)], dtype=object), name)[0])
+
+
+def has_point(front: Front, point: object) -> bool:
+    """Say whether a front has a point, an id or a choice; raises nothing for what is none."""
+    number, objectives = getattr(point, "id", point), getattr(point, "objectives", None)
+    if isinstance(number, bool) or not isinstance(number, Integral):
+        return False
+    (rows,) = np.nonzero(front.ids == int(number))
+    return len(rows) == 1 and (objectives is None or np.array_equal(front.objectives[rows[0]], objectives))
 
 
 def with_ids(front: Front, ids: Any) -> Front:

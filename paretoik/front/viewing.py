@@ -11,7 +11,7 @@ from paretoik.arrays import Ids
 if TYPE_CHECKING:
     from paretoik.front.front import Front
 
-OPENED_BY = "paretoik.review.front_view:open_view"  # by name, as this package knows nothing of those that draw
+OPENED_BY = "paretoik.review.drawing.front_view:open_view"  # by name, as this package knows nothing of those that draw
 
 
 def view(

@@ -112,12 +112,15 @@ def guess_optimum(program: Program, x: Point, goal: Goal) -> Optimum | None:
     return Optimum(x=x, multipliers=multipliers)
 
 
-def follow(program: Program, start: Optimum, goal: Callable[[float], Goal]) -> Continuation:
-    """Return how far the optimum of ``goal`` (share) is followed from that at 0, to 1 at most."""
+def follow(program: Program, start: Optimum, goal: Callable[[float], Goal], *, partly: bool = False) -> Continuation:
+    """Return how far the optimum of ``goal`` (share) is followed from that at 0, to 1 at most.
+
+    Once the attempts that are left cannot lead to 1 it goes no further, unless ``partly`` will do.
+    """
     optimum, share, step, steps, corrections, changes = start, 0.0, 1.0, 0, 0, 0
     kernel = program.kernel
-    for _ in range(OPTIONS.attempts):
-        if share >= 1.0:
+    for left in range(OPTIONS.attempts, 0, -1):
+        if share >= 1.0 or share + step * (2**left - 1) < 1.0:
             break
         check_interruption()
         target = min(1.0, share + step)

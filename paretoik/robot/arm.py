@@ -17,20 +17,13 @@ from paretoik.inputs import ArrayLike, file_path, finite_array
 from paretoik.robot.arm_inputs import body_tuple, limit_rows, number_array, symmetric_limits
 from paretoik.robot.body import Body, combine_bodies, transform_body
 from paretoik.robot.denavit_hartenberg import joint_placements
+from paretoik.robot.frame import Frame
 from paretoik.robot.pose import Pose, check_pose, matrix_to_quaternion, pose_batch
 from paretoik.tables import html_representation
 
 JointType = Literal["revolute", "continuous", "prismatic"]
 JOINT_TYPES: tuple[JointType, ...] = ("revolute", "continuous", "prismatic")
 EARTH_GRAVITY = (0.0, 0.0, -9.81)  # m/s²
-
-
-@dataclass(frozen=True, kw_only=True)
-class Frame:
-    """A named frame on the arm: a pose in the frame of link ``link`` (−1: the base)."""
-
-    link: int
-    pose: Pose
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

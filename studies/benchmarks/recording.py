@@ -26,7 +26,7 @@ from pathlib import Path
 import paretoik as pk
 from paretoik.api.run_session import RunSession
 from paretoik.api.search_front import FrontSearch
-from paretoik.review.recorder import Recorder
+from paretoik.review.recording.recorder import Recorder
 from pymoo.problems import get_problem
 
 generations, out, records = int(sys.argv[1]), sys.argv[2], sys.argv[3] == "True"

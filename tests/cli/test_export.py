@@ -65,6 +65,15 @@ def test_a_point_is_written_into_its_run_by_default(paretoik, finished, tmp_path
     assert load_front(run).ids.tolist() == front.ids.tolist()  # the run is as it was
 
 
+def test_without_a_rate_the_motions_own_samples_are_written(paretoik, finished, tmp_path):
+    front = load_front(finished)
+    words = "export", finished, "--point", front.ids[0], "--format", "csv", "--out", tmp_path / "a.csv"
+    assert paretoik(*words).code == 0
+    _, values = rows(tmp_path / "a.csv")
+    np.testing.assert_allclose(values[:, 0], front.motions[0].time, atol=1e-9)
+    np.testing.assert_allclose(values[:, 1:4], front.motions[0].at(values[:, 0]), atol=1e-12)
+
+
 def test_the_present_choice_is_written_where_no_point_is_named(paretoik, finished, tmp_path):
     run = shutil.copytree(finished, tmp_path / "run")
     chosen = load_front(run).select("compromise")
@@ -78,7 +87,6 @@ def test_the_present_choice_is_written_where_no_point_is_named(paretoik, finishe
     [
         ((), "error: --point: the id of a point wanted, got none"),
         (("--point", "99999"), "error: front: "),
-        (("--point", "FIRST"), "error: rate: the controller's, in Hz (--rate), or a controller (--controller) wanted"),
         (("--point", "FIRST", "--controller", "franka"), "error: controller panda: wants the joints panda_joint1"),
         (("--point", "FIRST", "--rate", "50", "--joints", "a,b"), "got 'a', which is none of them"),
     ],

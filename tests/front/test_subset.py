@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -23,6 +25,15 @@ def test_an_id_gives_its_point_and_ids_a_front(front):
     assert front[[40, 10]].ids.tolist() == [10, 40]
     assert front[np.array([20])].ids.tolist() == [20]
     assert [point.id for point in front] == front.ids.tolist()
+
+
+def test_a_front_says_which_ids_and_choices_it_has(front):
+    assert all(number in front and np.int64(number) in front for number in front.ids.tolist())
+    assert all(point in front for point in front)
+    others = (0, 31, -1, 10**30, True, 10.0, "10", None, [10], front)
+    assert not any(other in front for other in others)
+    assert front[10] not in front[[20, 30]]
+    assert front[10] not in replace(front, objectives=front.objectives * [2.0, 1.0])
 
 
 def test_a_part_knows_the_largest_id_of_the_whole_in_its_run_too(front, tmp_path):

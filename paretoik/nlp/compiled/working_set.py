@@ -22,9 +22,11 @@ from paretoik.nlp.compiled.bordered_cholesky import factorise, solve
 from paretoik.nlp.compiled.dense_lu import factorise_lu, solve_lu
 from paretoik.nlp.compiled.quadratic_program import row_product, write_row
 
-STIFFNESS = (1.0, 1e3)  # ρ, in sizes of H, tried in turn
-CURVATURE = 1e-12  # along a row, a share of its ρ: less is rounding
-REGULARISATION = 1e-9  # in sizes of H: what is added to it where it is flat
+STIFFNESS = (1.0, 1e3, 1e3, 1e6, 1e6)  # ρ, in sizes of H, tried in turn
+DENSE = 2  # the first of them that all rows count with
+FLAT = 4  # the one that H is regularised with
+REGULARISATION = 1e-6  # in sizes of H: what is added to it where it is flat
+CURVATURE = 1e-13  # along a row, a share of its ρ: less is rounding
 
 
 class WorkingSet(NamedTuple):
@@ -98,15 +100,14 @@ def factorise_working_set(program, work, multipliers, first, scale):
         largest = max(largest, abs(program.A[i, 0]) / scale)
     largest = largest if largest > 0.0 else 1.0
     work.counts[0], work.counts[1] = 0, 0
-    for added in range(work.counts[3], 2):
-        for which in range(2 * len(STIFFNESS)):
-            rho, is_full = STIFFNESS[which % len(STIFFNESS)] * largest, which >= len(STIFFNESS)
-            work.counts[2], work.counts[3] = is_full, added
-            if _factorise(program, work, rho, added * REGULARISATION * largest, is_full, scale):
-                for i in range(len(multipliers)):
-                    if work.is_active[i]:
-                        _append(program, work, i, rho if is_full or i < len(program.entries) else 0.0)
-                return _factorise_schur(work)
+    for which in range(FLAT if work.counts[3] else 0, len(STIFFNESS)):
+        rho, delta = STIFFNESS[which] * largest, REGULARISATION * largest if which == FLAT else 0.0
+        work.counts[2], work.counts[3] = which >= DENSE, which == FLAT
+        if _factorise(program, work, rho, delta, which >= DENSE, scale):
+            for i in range(len(multipliers)):
+                if work.is_active[i]:
+                    _append(program, work, i, rho if which >= DENSE or i < len(program.entries) else 0.0)
+            return _factorise_schur(work)
     return False
 
 
