@@ -14,6 +14,7 @@ import typer
 from paretoik.api.progress_display import open_observer
 from paretoik.cli.console import JsonFlag, QuietFlag, RunFolder, exit_code, print_json
 from paretoik.errors import InvalidInput
+from paretoik.run_files import PICTURE_MARK, check_target
 
 NUMBERS = "NAME=NUMBER,NAME=NUMBER"
 
@@ -69,7 +70,9 @@ def select(
     undo: Annotated[bool, typer.Option("--undo", help="Go back to the choice before the present one.")] = False,
     picture: Annotated[Path | None, typer.Option(help="Draw the front and the chosen motion into this PNG.")] = None,
     out: Annotated[Path | None, typer.Option(help="Of a closed loop: keep the new run in this folder.")] = None,
-    overwrite: Annotated[bool, typer.Option(help="Replace a run that is in that folder.")] = False,
+    overwrite: Annotated[
+        bool, typer.Option(help="Replace a run in that folder, or a file that is no picture of ours.")
+    ] = False,
     quiet: QuietFlag = False,
     as_json: JsonFlag = False,
 ) -> None:
@@ -95,6 +98,8 @@ def select(
         _show_history(run, wishes, undo=undo, as_json=as_json)
         return
     with redirect_stdout(sys.stderr):
+        if picture is not None:
+            check_target("picture", picture, overwrite=overwrite, mark=PICTURE_MARK)
         from paretoik.api.load_front import load_front
         from paretoik.api.result_text import choice_entry, choice_text
         from paretoik.api.select import select as select_point
@@ -105,7 +110,7 @@ def select(
         with open_observer(not quiet) as observe:
             selected, choice = select_point(front, preference, out=out, overwrite=overwrite, observe=observe or False)
         if picture is not None:
-            from paretoik.review.plots import front_picture
+            from paretoik.review.pictures.plots import front_picture
 
             front_picture(selected, picture, choice)
     if as_json:

@@ -17,6 +17,7 @@ from paretoik.formulations.navigation_words import describe_move
 from paretoik.formulations.protocol import Differentiable, Individuals, restore_motions
 from paretoik.front.certificates import Certificates, concatenate
 from paretoik.front.front import Front
+from paretoik.front.indicators import ranges_of
 from paretoik.front.joint_motions import StoredJoints, StoredMotions
 from paretoik.front.navigation import NavigationRequest
 from paretoik.front.provenance import NAVIGATIONS
@@ -26,7 +27,6 @@ from paretoik.pareto.certificates import certify
 from paretoik.pareto.gap_filling import POINT_TOLERANCE
 from paretoik.pareto.goals import Aim, Wish
 from paretoik.pareto.navigation import Destination, FrontPoints, move, reach
-from paretoik.pareto.scalarisation import ranges_of
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
-from paretoik.arrays import Genes, Ids, Objectives, Values
+from paretoik.arrays import Genes, Ids, Objectives, Values, read_only
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.front.certificates import Certificates
 from paretoik.front.choice import Choice, Preference
@@ -22,7 +22,6 @@ from paretoik.front.front_arguments import (
     check_non_dominated,
     check_objectives,
     check_ranges,
-    read_only,
     sort_certificates,
     sort_motions,
     sort_rows,
@@ -33,6 +32,7 @@ from paretoik.front.navigation import navigate, navigated, refine_around, verdic
 from paretoik.front.reason import explain
 from paretoik.front.subset import Bound, has_point, row_of, with_ids, within_bounds
 from paretoik.front.supported import supported
+from paretoik.front.viewing import view
 from paretoik.inputs import check_flag, file_path
 from paretoik.tables import html_representation
 
@@ -234,6 +234,7 @@ class Front:
     navigate = navigate
     refine_around = refine_around
     navigated = property(navigated)
+    view = view
 
     @property
     def choices(self) -> Choices:

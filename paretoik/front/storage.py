@@ -28,6 +28,7 @@ from paretoik.run_files import (
     RUN,
     TABLE,
     check_digest,
+    former_note,
     is_run,
     only_writer,
     read_plain_file,
@@ -215,7 +216,8 @@ def array_bytes(arrays: Mapping[str, np.ndarray]) -> bytes:
 def _read_front_entries(file: Path) -> dict[str, Any]:
     run = read_run(file)
     if "files" not in run:
-        raise InvalidRun(f"{file}: wanted a run with a front, got one of status {run.get('status')!r} without")
+        note = former_note(file.parent)
+        raise InvalidRun(f"{file}: wanted a run with a front, got one of status {run.get('status')!r} without{note}")
     check_digest(file, run)
     if "holds" in run:
         raise InvalidRun(f"{file}: wanted a run with a front, got one that holds {run['holds']}")
