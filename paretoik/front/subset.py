@@ -18,7 +18,6 @@ from paretoik.inputs import finite_number
 if TYPE_CHECKING:  # a front asks this file for its parts
     from paretoik.front.front import Front
 
-
 Bound: TypeAlias = tuple[float | None, float | None]
 
 
