@@ -52,7 +52,7 @@ def compare(
     else:
         print(comparison)
         if merge is not None:
-            lost = merged.provenance["merged"]["left_out"]
+            left_out = merged.provenance["merged"]["left_out"]
             print(f"\n{merge}: {len(merged)} points; its run.json says which run each comes from")
-            if lost:
-                print(f"not every run has the same {' and '.join(lost)}, so that the merged front has none")
+            if left_out:
+                print(f"not every run has the same {' and '.join(left_out)}, so that the merged front has none")

@@ -62,7 +62,7 @@ def assert_kept(front, moved):
             if before.motion is not None:
                 assert np.array_equal(before.motion.q, after.motion.q)
         else:
-            assert int(id) in moved.provenance["navigations"][-1]["left"]
+            assert int(id) in moved.provenance["navigations"][-1]["dominated"]
 
 
 def test_a_move_gains_what_was_asked_is_certified_and_new(front):
@@ -76,7 +76,7 @@ def test_a_move_gains_what_was_asked_is_certified_and_new(front):
         assert (change > 0) == front.maximised[k]
         if note["new"]:
             assert new.id > front.ids.max()
-            assert len(moved) == len(front) + 1 - len(note["left"])
+            assert len(moved) == len(front) + 1 - len(note["dominated"])
             assert moved.certificates.kkt_residual[new.index] <= 1e-6
             assert moved.certificates.violation[new.index] <= 1e-8
             assert non_dominated(moved.minimised).all()
