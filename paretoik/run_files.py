@@ -6,11 +6,13 @@ altered file is refused.
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import json
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path, PurePath
 from typing import Any
 
@@ -112,6 +114,25 @@ def replace_file(file: Path, content: bytes) -> None:
             part.unlink(missing_ok=True)
     except OSError as fault:
         raise InvalidInput(f"{file}: wanted to write it, got {fault.strerror}") from fault
+
+
+@contextmanager
+def only_writer(folder: Path) -> Iterator[None]:
+    """Hold a folder's lock while its files are replaced, so that of two processes neither loses what it adds.
+
+    The folder is made if need be; the lock ends with the process. Raises InvalidInput where the system refuses.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        descriptor = os.open(folder, os.O_RDONLY)
+    except OSError as fault:
+        raise InvalidInput(f"{folder}: wanted a folder to write into, got {fault.strerror}") from fault
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        fcntl.flock(descriptor, fcntl.LOCK_UN)  # a process forked meanwhile has the descriptor too
+        os.close(descriptor)
 
 
 def run_bytes(entries: Mapping[str, Any]) -> bytes:

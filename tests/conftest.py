@@ -15,6 +15,7 @@ import paretoik.capability.compiled.planar_maxima
 import paretoik.closed_loop.engine
 import paretoik.closed_loop.exact_step
 import paretoik.closed_loop.open_loop_engine
+import paretoik.nlp.compiled.continuation
 import paretoik.nlp.compiled.dense_kernel
 import paretoik.nlp.compiled.interior_point  # before the hook: numba compiles functions, not wrappers
 import paretoik.resolution.horizon_newton

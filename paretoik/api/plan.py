@@ -51,8 +51,9 @@ def plan(
         "interior-point" for smooth objectives and limits, "sqp" (convex subproblems by Clarabel) for any; "auto" takes
         the first where it can.
     out
-        Folder to keep the run in: run.json, optima.parquet and motions.npz (``load_plan`` opens them), and
-        picture.png (not after a signal). ``overwrite`` allows it to replace a run that is there.
+        Folder to keep the run in: run.json, optima.parquet and motions.npz (``load_plan`` opens them), review.rrd with
+        every start, what it led to and the optima, and picture.png (not after a signal). ``overwrite`` allows it to
+        replace a run that is there.
     time_limit
         Seconds after which the search ends and keeps what it has.
     reference

@@ -24,13 +24,13 @@ from paretoik.execution.time_limit import check_time_limit
 from paretoik.formulations.protocol import Differentiable
 from paretoik.formulations.requirements import require_program
 from paretoik.front.front import Front
+from paretoik.front.indicators import ranges_of
 from paretoik.inputs import check_flag, file_path
 from paretoik.loading import fingerprint
 from paretoik.nlp.minimise import check_solver
 from paretoik.nlp.program import Solver
 from paretoik.pareto.improver import OPTIONS, suggest_points
 from paretoik.pareto.refine import refine as refine_points
-from paretoik.pareto.scalarisation import ranges_of
 from paretoik.search.ask_tell import Search
 from paretoik.search.endings import Progress
 

@@ -43,7 +43,7 @@ def compare(
             with claim_folder(merge, overwrite=overwrite) as folder:
                 merged.save(folder)
         if picture is not None:
-            from paretoik.review.comparison_plots import comparison_picture
+            from paretoik.review.pictures.comparison_plots import comparison_picture
 
             comparison_picture(comparison, picture)
     if as_json:

@@ -33,7 +33,7 @@ def navigate(
     """
     with stdout_for_results():
         from paretoik.api.navigate import navigate as move
-        from paretoik.front.navigation import NAVIGATIONS
+        from paretoik.front.provenance import NAVIGATIONS
 
         front, choice, place = move(
             run, point, improve=improve, allow=allow, hold=hold or (), by=by, to=to, out=out, overwrite=overwrite

@@ -1,27 +1,26 @@
-"""An optimum followed while the upper bounds of its goal move: predicted, then corrected, by one quadratic program.
+"""An optimum followed while the upper bounds of its goal move: predicted, then corrected, by quadratic programs.
 
     minimise    weights · F(x)
     subject to  h(x) = 0,  c(x) ≥ 0,  rows · F(x) ≤ upper(s),  s from 0 to 1
 
-At an optimum with its multipliers the quadratic program has the Hessian of the Lagrangian and the bounds that are
-wanted next; its solution, constraints added and dropped on the way, is the optimum there up to the square of the step,
-and so is each correction's. Source: Guddat, Guerra Vazquez & Jongen 1990, Parametric Optimization, chapter 2; Diehl,
-Bock & Schlöder 2005 for the predictor that is a full step of Newton's method.
+At an optimum with its multipliers the quadratic models of all objectives, each with its own Hessian, predict the
+optimum of the bounds that are wanted next up to the cube of the step, constraints added and dropped on the way; each
+correction, by the Hessian of the Lagrangian, squares what is left. Source: Guddat, Guerra Vazquez & Jongen 1990,
+Parametric Optimization, chapter 2; Diehl, Bock & Schlöder 2005 for predictor steps of Newton's method.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 from scipy.optimize import nnls
 
-from paretoik.errors import EvaluationFailed, SolverFailed
-from paretoik.nlp.conic import Constraints
-from paretoik.nlp.parametric_qp import solve_from
-from paretoik.nlp.program import Goal, Linearisation, Program, bounded
+from paretoik.arrays import Point
+from paretoik.nlp.program import Goal, Program
 from paretoik.stop_flag import check_interruption
 
 
@@ -33,7 +32,8 @@ class ContinuationOptions:
     the objectives' multipliers, is at most ``residual``, and no constraint is violated by more than ``violation``. More
     than so many ``corrections``, or one that is not shorter than the one before by a factor of ``contraction``, halve
     the step, at most ``few`` double it. So many ``attempts`` are made at most, good ones among them: where that is not
-    enough, a solver that starts anew is faster.
+    enough, a solver that starts anew is faster. The models predict in so many ``predictions`` of Newton's method, or
+    until one is a share ``predicted`` of the whole step.
 
     Where multipliers begin: limits with a slack up to one of the ``active`` ones count as active, until the gradient
     of the Lagrangian is at most ``balance``, a share of the objectives'.
@@ -45,6 +45,8 @@ class ContinuationOptions:
     contraction: float = 0.5
     few: int = 1
     attempts: int = 6
+    predictions: int = 3
+    predicted: float = 1e-2
     active: tuple[float, ...] = (1e-7, 5e-2)
     balance: float = 1e-6
 
@@ -54,12 +56,9 @@ OPTIONS = ContinuationOptions()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Optimum:
-    """An optimum, or a guess of one: the program to first order there, and the multipliers of all constraints.
+    """An optimum, or a guess of one, and the multipliers of the limits, then of the goal's and the program's bounds."""
 
-    Constraints are the inequalities and, after the elastic ones, the bounds of the goal and the program.
-    """
-
-    at: Linearisation
+    x: Point
     multipliers: Float[np.ndarray, " constraints"]
 
 
@@ -77,45 +76,55 @@ class Continuation:
     changes: int
 
 
-def can_follow(at: Linearisation) -> bool:
-    """Return whether optima can be followed: where there are kinks multipliers jump, and auxiliary columns are many."""
-    return at.columns == at.unknowns and not at.cones
+def can_follow(program: Program) -> bool:
+    """Return whether optima can be followed: by a compiled kernel, and where no kinks make multipliers jump."""
+    return not program.kinked and program.kernel is not None
 
 
-def guess_optimum(program: Program, at: Linearisation, goal: Goal) -> Optimum | None:
+def guess_optimum(program: Program, x: Point, goal: Goal) -> Optimum | None:
     """Return a point with the multipliers that balance the gradients of a goal best; None where none come near.
 
     Limits that are tightened elsewhere are not active here, although their multipliers are positive.
     """
-    constraints, elastic = _constraints(program, at, goal)
-    first, count = elastic - len(_all_rows(program, goal)), len(constraints.values)
-    gradient = goal.weights @ at.gradients
+    from paretoik.nlp.compiled.local_model import first_order  # here: numba
+
+    rows, _ = _bounds(program, goal)
+    _, gradients, slacks, columns, entries, regular = first_order(program.kernel, x, len(program.upper))
+    if not regular:
+        return None
+    gradient = goal.weights @ gradients
     size = max(float(np.linalg.norm(gradient)), 1e-300)
-    bounds = np.arange(first, elastic)
     for tolerance in OPTIONS.active:
-        limits = np.flatnonzero(constraints.values <= tolerance)
-        rows = np.concatenate([limits[(limits < first) | (limits >= elastic)], bounds])
-        normals = constraints.jacobian[rows].toarray() / constraints.row_norms[rows, None]
+        limits = np.flatnonzero(slacks <= tolerance)
+        normals = np.zeros((len(limits) + len(rows), len(gradient)))
+        np.add.at(normals, (np.arange(len(limits))[:, None], columns[limits]), entries[limits])
+        normals[len(limits) :] = -rows @ gradients
+        lengths = np.maximum(np.linalg.norm(normals, axis=1), 1e-300)
         try:
-            solution, residual = nnls(normals.T, gradient)
+            solution, residual = nnls((normals / lengths[:, None]).T, gradient)
         except RuntimeError:  # no end within its iterations
             return None
-        multipliers = np.zeros(count)
-        multipliers[rows] = solution / constraints.row_norms[rows]
+        multipliers = np.zeros(len(slacks) + len(rows))
+        multipliers[limits] = (solution / lengths)[: len(limits)]
+        multipliers[len(slacks) :] = (solution / lengths)[len(limits) :]
         if residual <= OPTIONS.balance * size:
             break
-    return Optimum(at=at, multipliers=multipliers)
+    return Optimum(x=x, multipliers=multipliers)
 
 
-def follow(program: Program, start: Optimum, goal: Callable[[float], Goal]) -> Continuation:
-    """Return how far the optimum of ``goal`` (share) is followed from that at 0, to 1 at most."""
+def follow(program: Program, start: Optimum, goal: Callable[[float], Goal], *, partly: bool = False) -> Continuation:
+    """Return how far the optimum of ``goal`` (share) is followed from that at 0, to 1 at most.
+
+    Once the attempts that are left cannot lead to 1 it goes no further, unless ``partly`` will do.
+    """
     optimum, share, step, steps, corrections, changes = start, 0.0, 1.0, 0, 0, 0
-    for _ in range(OPTIONS.attempts):
-        if share >= 1.0:
+    kernel = program.kernel
+    for left in range(OPTIONS.attempts, 0, -1):
+        if share >= 1.0 or share + step * (2**left - 1) < 1.0:
             break
         check_interruption()
         target = min(1.0, share + step)
-        result = _correct(program, optimum, goal(target))
+        result = _correct(program, kernel, optimum, goal(target))
         if result is None:
             step = (target - share) / 2
             continue
@@ -127,86 +136,35 @@ def follow(program: Program, start: Optimum, goal: Callable[[float], Goal]) -> C
 
 def correct(program: Program, start: Optimum, goal: Goal) -> Optimum | None:
     """Return the optimum of a goal near a guess; None where few corrections do not lead to it."""
-    result = _correct(program, start, goal)
+    result = _correct(program, program.kernel, start, goal)
     return None if result is None else result[0]
 
 
-def residual_at(program: Program, optimum: Optimum, goal: Goal) -> tuple[float, float]:
-    """Return the length of the Lagrangian's gradient, and the worst violation of constraints and complementarity."""
-    return _residual(optimum.at, *_constraints(program, optimum.at, goal), optimum.multipliers, program, goal)
-
-
-def _correct(program: Program, start: Optimum, goal: Goal) -> tuple[Optimum, int, int] | None:
+def _correct(program: Program, kernel: Any, start: Optimum, goal: Goal) -> tuple[Optimum, int, int] | None:
     """Return the optimum of a goal, and how many corrections and changes of the active set led to it."""
-    at, multipliers, changes, before = start.at, start.multipliers, 0, np.inf
-    constraints, elastic = _constraints(program, at, goal)
-    for used in range(OPTIONS.corrections + 1):
-        solution = solve_from(
-            _hessian(program, at, goal, multipliers, elastic),
-            goal.weights @ at.gradients,
-            constraints.jacobian,
-            constraints.values,
-            multipliers,
-        )
-        changes += solution.changes
-        length = float(np.abs(solution.step).max(initial=0.0))
-        if solution.share < 1.0 or length > OPTIONS.contraction * before:
-            return None
-        before = length
-        x = at.retract(solution.step)
-        if x is None:
-            return None
-        try:
-            at, multipliers = program.linearise(x), solution.multipliers
-        except (EvaluationFailed, SolverFailed, np.linalg.LinAlgError):
-            return None
-        constraints, elastic = _constraints(program, at, goal)
-        stationarity, violation = _residual(at, constraints, elastic, multipliers, program, goal)
-        if stationarity <= OPTIONS.residual and violation <= OPTIONS.violation:
-            return Optimum(at=at, multipliers=multipliers), used, changes
-    return None
+    from paretoik.nlp.compiled.continuation import CorrectionOptions
+    from paretoik.nlp.compiled.continuation import correct as search
+    from paretoik.nlp.compiled.parametric_qp import QpOptions
+
+    options = CorrectionOptions(
+        residual=OPTIONS.residual,
+        violation=OPTIONS.violation,
+        corrections=OPTIONS.corrections,
+        contraction=OPTIONS.contraction,
+        predictions=OPTIONS.predictions,
+        predicted=OPTIONS.predicted,
+        qp=QpOptions(),
+    )
+    x, multipliers, _, used, changes, found = search(
+        kernel, start.x, start.multipliers, goal.weights, *_bounds(program, goal), options
+    )
+    return (Optimum(x=program.pin(x[None])[0], multipliers=multipliers), used, changes) if found else None
 
 
-def _constraints(program: Program, at: Linearisation, goal: Goal) -> tuple[Constraints, int]:
-    """Return the inequalities to first order, and where the last bound of the goal and the program stands."""
-    rows, finite = _all_rows(program, goal), np.isfinite(program.upper)
-    upper = np.concatenate([goal.upper[np.isfinite(goal.upper)], program.upper[finite]])
-    return bounded(at, Goal(weights=goal.weights, rows=rows, upper=upper))
-
-
-def _all_rows(program: Program, goal: Goal) -> Float[np.ndarray, "bounds objectives"]:
-    """Return the finite rows of the goal, then those of the program's own bounds."""
-    own = np.eye(len(program.upper))[np.isfinite(program.upper)]
-    return np.concatenate([goal.rows[np.isfinite(goal.upper)], own])
-
-
-def _objective_weights(
-    program: Program, goal: Goal, multipliers: np.ndarray, elastic: int
-) -> Float[np.ndarray, " objectives"]:
-    rows = _all_rows(program, goal)
-    return np.asarray(goal.weights + multipliers[elastic - len(rows) : elastic] @ rows)
-
-
-def _hessian(
-    program: Program, at: Linearisation, goal: Goal, multipliers: np.ndarray, elastic: int
-) -> Float[np.ndarray, "columns columns"]:
-    """Return the Hessian of the Lagrangian."""
-    bounds = len(_all_rows(program, goal))
-    inequalities = np.concatenate([multipliers[: elastic - bounds], multipliers[elastic:]])
-    weights = _objective_weights(program, goal, multipliers, elastic)
-    return np.asarray(at.hessian(weights, inequalities, ()).toarray())
-
-
-def _residual(
-    at: Linearisation,
-    constraints: Constraints,
-    elastic: int,
-    multipliers: np.ndarray,
-    program: Program,
-    goal: Goal,
-) -> tuple[float, float]:
-    gradient = goal.weights @ at.gradients - constraints.jacobian.T @ multipliers
-    total = max(1.0, float(np.abs(_objective_weights(program, goal, multipliers, elastic)).sum()))
-    off = np.abs(constraints.values[multipliers > 0]).max(initial=0.0)
-    violation = max(float(off), -float(constraints.values.min(initial=0.0)))
-    return float(np.linalg.norm(gradient)) * at.unit / total, violation
+def _bounds(
+    program: Program, goal: Goal
+) -> tuple[Float[np.ndarray, "bounds objectives"], Float[np.ndarray, " bounds"]]:
+    """Return the finite rows of the goal, then those of the program's own bounds, and what they may be at most."""
+    finite, own = np.isfinite(goal.upper), np.isfinite(program.upper)
+    rows = np.concatenate([goal.rows[finite], np.eye(len(program.upper))[own]])
+    return rows, np.concatenate([goal.upper[finite], program.upper[own]])

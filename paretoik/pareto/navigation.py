@@ -1,7 +1,8 @@
 """Moving along a front from one of its points to a new one: followed where its branch goes on, else solved anew.
 
-Where the branch ends or bends back, or what is known already is better, local optima are sought from where it ended,
-from the nearest known points that are good enough, and from points between these and the start; the best counts.
+Where the branch ends or bends back, or what is known already is better, the nearest known points that are good enough
+are followed to what is wished for; where none leads there, local optima are sought from where the branch ended, from
+these points and from points between them and the start. The best counts.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import Point, Points
-from paretoik.errors import EvaluationFailed, SolverFailed
+from paretoik.errors import EvaluationFailed
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.minimise import minimise
 from paretoik.nlp.program import Goal, Program, Solver
@@ -75,23 +76,26 @@ def move(
     program: Program, front: FrontPoints, start: int, aim: Aim, between: Between, *, solver: Solver = "auto"
 ) -> Destination | None:
     """Return where a move from a known point leads; None where nothing better in what is wished for was found."""
-    goal = aim.at_share(1.0)
-    followed, neighbours = _follow(program, front.x[start], aim), _neighbours(front, start, aim)
+    goal, neighbours = aim.at_share(1.0), _neighbours(front, start, aim)
+    followed = _follow(program, front, start, goal)
     arrived = followed is not None and followed.share >= 1.0
-    candidates, starts = list[Point](), list[Point]()
+    candidates = list[Point]()
+    others = neighbours
     if followed is not None and arrived:
-        candidates.append(followed.optimum.at.x)
-        starts += [front.x[i] for i in _rivals(program, front, candidates[0], neighbours, goal, between)]
-    else:
-        starts += _starts(front, start, aim, followed, neighbours, between)
-    candidates += _solve(program, starts, goal, solver)
+        candidates.append(followed.optimum.x)
+        others = _rivals(program, front, candidates[0], neighbours, goal, between)
+    branches = [_follow(program, front, i, goal) for i in others]
+    candidates += [each.optimum.x for each in branches if each is not None and each.share >= 1.0]
+    if not candidates:
+        candidates = _solve(program, _starts(front, start, aim, followed, neighbours, between), goal, solver)
     best = _best(program, candidates, goal)
     if best is not None:
         is_followed = bool(candidates) and arrived and best is candidates[0]
         jump = not is_followed and has_barrier(program, front.x[start], best, between, aim.ranges)
         return Destination(x=best, share=1.0, followed=followed, arrived=is_followed, jump=jump)
+    followed = _follow(program, front, start, goal, partly=True)
     if followed is not None and followed.share >= OPTIONS.worthwhile:
-        return Destination(x=followed.optimum.at.x, share=followed.share, followed=followed, arrived=True, jump=False)
+        return Destination(x=followed.optimum.x, share=followed.share, followed=followed, arrived=True, jump=False)
     return None
 
 
@@ -113,15 +117,18 @@ def has_barrier(
     return any(not bool((value <= corner).all()) for value in values[1:-1])
 
 
-def _follow(program: Program, x: Point, aim: Aim) -> Continuation | None:
-    try:
-        at = program.linearise(x)
-        if not can_follow(at):
-            return None
-        optimum = guess_optimum(program, at, aim.at_share(0.0))
-    except (EvaluationFailed, SolverFailed, np.linalg.LinAlgError):
+def _follow(program: Program, front: FrontPoints, i: int, goal: Goal, *, partly: bool = False) -> Continuation | None:
+    """Return how far a known point is followed to a goal, from that with its own values as bounds."""
+    if not can_follow(program):
         return None
-    return None if optimum is None else follow(program, optimum, aim.at_share)
+    count = front.objectives.shape[1]
+    begin = goal.rows[:, :count] @ front.objectives[i]
+
+    def at_share(share: float) -> Goal:
+        return Goal(weights=goal.weights, rows=goal.rows, upper=begin + share * (goal.upper - begin))
+
+    optimum = guess_optimum(program, front.x[i], at_share(0.0))
+    return None if optimum is None else follow(program, optimum, at_share, partly=partly)
 
 
 def _neighbours(front: FrontPoints, start: int, aim: Aim) -> list[int]:
@@ -155,7 +162,7 @@ def _starts(
     """Return the points to solve from: where the branch ended, the start, neighbours, and points on the way there."""
     starts = [front.x[start]]
     if followed is not None and 0.0 < followed.share < 1.0:
-        starts.insert(0, followed.optimum.at.x)
+        starts.insert(0, followed.optimum.x)
     wish, values = aim.wish, front.objectives[:, aim.wish.improve]
     for i in neighbours:
         starts.append(front.x[i])

@@ -44,6 +44,9 @@ def test_compare_as_json_holds_the_numbers(paretoik, finished):
     assert said["coverage"] == [[1.0, 1.0], [1.0, 1.0]]
     assert said["differences"] == {}
     assert "merged" not in said
+    front = pk.load_front(finished)
+    assert sorted(said["attainment"]["all"]["median"]) == sorted(front.objectives.tolist())
+    assert list(said["attainment"]["labels"]) == [finished.name]  # one label, as of two runs of one method
 
 
 def test_compare_as_json_says_where_the_merged_front_is(paretoik, finished, tmp_path):

@@ -227,6 +227,26 @@ def directional_derivatives(kernel, work, dx, dF, dc):
             dc[kernel.first_row[e] - kernel.equalities] += work.first[e] * dx[kernel.first_column[e]]
 
 
+@implement(steps.row_width, DenseKernel)
+def row_width(kernel, work):
+    """Return the number of unknowns along the equalities."""
+    return kernel.unknowns - kernel.equalities
+
+
+@implement(steps.constraint_rows, DenseKernel)
+def constraint_rows(kernel, work, columns, entries):
+    """Write the rows of inequalities along the null space."""
+    m, row = kernel.equalities, np.zeros(kernel.unknowns)
+    for i in range(kernel.inequalities):
+        for j in range(kernel.unknowns):
+            row[j] = 0.0
+        for a in range(kernel.begin_row[i], kernel.begin_row[i + 1]):
+            row[kernel.first_column[kernel.by_row[a]]] += work.first[kernel.by_row[a]]
+        rotate(work.reflectors, row)
+        for j in range(kernel.unknowns - m):
+            columns[i, j], entries[i, j] = j, row[m + j]
+
+
 @implement(steps.retract, DenseKernel)
 def retract(kernel, work, x, dx, length, trial):
     """Write the point of h = 0 that a step leads to, by Newton's method across the null space at x."""

@@ -100,5 +100,13 @@ def directional_derivatives(kernel: Any, work: Any, dx: Any, dF: Any, dc: Any) -
     """Write the derivatives of F and c along dx."""
 
 
+def row_width(kernel: Any, work: Any) -> Any:
+    """Return how many entries rows of Zᵀ ∂c have at most."""
+
+
+def constraint_rows(kernel: Any, work: Any, columns: Any, entries: Any) -> Any:
+    """Write the rows of ∂c Z where x was linearised: ``entries`` and their ``columns``; what is left over is 0 at 0."""
+
+
 def retract(kernel: Any, work: Any, x: Any, dx: Any, length: Any, trial: Any) -> Any:
     """Write the point of h = 0 that x + length · dx leads to; return whether it got there."""

@@ -269,6 +269,38 @@ def directional_derivatives(kernel, work, dx, dF, dc):
         dc[i] = factors[i] * by_row[limited[i, 0], limited[i, 1]]
 
 
+@implement(steps.row_width, MotionKernel)
+def row_width(kernel, work):
+    """Return how many unknowns the neighbours of an instant have."""
+    return kernel.coefficients.shape[2] * work.tangent.shape[2]
+
+
+@implement(steps.constraint_rows, MotionKernel)
+def constraint_rows(kernel, work, columns, entries):
+    """Write the rows of limits by the unknowns; there are no kinks and peaks."""
+    variables, instants = work.gradient_u.shape
+    limited, gradients, sums = kernel.limited, work.gradients, len(work.objective_gradients)
+    r, width = work.tangent.shape[2], entries.shape[1]
+    local = np.zeros((instants, variables, width))
+    for s in range(instants):
+        self_motion_steps.local_basis(s, kernel.neighbours, kernel.coefficients, work.tangent, local[s])
+    for i in range(len(limited)):
+        row, s, factor = limited[i, 0], limited[i, 1], kernel.factors[i]
+        for b in range(width):
+            first = kernel.first_unknown[kernel.neighbours[s, b // r]]
+            columns[i, b] = max(first + b % r, 0)
+            entries[i, b] = factor * local[s, row, b] if row < variables and first >= 0 else 0.0
+            if first < 0:
+                columns[i, b] = 0
+        if row >= variables:
+            for a in range(variables):
+                scaled = factor * gradients[sums + row - variables, a, s]
+                if scaled != 0.0:
+                    for b in range(width):
+                        if kernel.first_unknown[kernel.neighbours[s, b // r]] >= 0:
+                            entries[i, b] += scaled * local[s, a, b]
+
+
 @implement(steps.retract, MotionKernel)
 def retract(kernel, work, x, dx, length, trial):
     """Write the motion on the path that a step leads to; return whether it got there."""

@@ -74,16 +74,22 @@ def expand_motion_step(step, tangent, first_unknown, dq):
 
 
 @compiled
-def add_hessian(i, phi, neighbours, coefficients, tangent, first_unknown, local, half, A, B, C):
-    """Add the Hessian ``phi`` by u of instant i to that of the unknowns, banded with a border."""
+def local_basis(i, neighbours, coefficients, tangent, local):
+    """Write how u of instant i changes with the unknowns of its neighbours, (variables, width · unknowns)."""
     orders, _, width = coefficients.shape
     n, r = tangent.shape[1], tangent.shape[2]
-    size = A.shape[0]
     for o in range(orders):
         for k in range(width):
             for j in range(n):
                 for a in range(r):
                     local[o * n + j, k * r + a] = coefficients[o, i, k] * tangent[neighbours[i, k], j, a]
+
+
+@compiled
+def add_hessian(i, phi, neighbours, coefficients, tangent, first_unknown, local, half, A, B, C):
+    """Add the Hessian ``phi`` by u of instant i to that of the unknowns, banded with a border."""
+    width, r, size = coefficients.shape[2], tangent.shape[2], A.shape[0]
+    local_basis(i, neighbours, coefficients, tangent, local)
     for a in range(local.shape[0]):
         for b in range(local.shape[1]):
             half[a, b] = 0.0

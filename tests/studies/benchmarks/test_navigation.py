@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from studies.benchmarks.navigation import LEAST, MOST, Case, Tally, random_aim, rows_of
+from studies.benchmarks.navigation import LEAST, MOST, Case, Goals, Tally, random_aim, rows_of
 from tests.front.test_navigation import front
 
 
@@ -23,12 +23,15 @@ def test_a_random_move_goes_no_further_than_the_best_of_the_front():
 
 def test_losses_come_first():
     tally = Tally(certified=[True, False], best=[True, True], step=[0.02], whole=[0.2])
-    tally.peer_seconds, tally.peer_solved = {"warm": [0.01], "cold": [0.1]}, {"warm": [True], "cold": [False]}
-    rows = rows_of("case", Case(make=lambda: None, goal=10.0), tally)
-    assert [(row.row, row.column) for row in rows[:3]] == [
+    tally.peer_seconds = {"IPOPT warm": [0.01], "FATROP cold": [0.1]}
+    tally.peer_solved = {"IPOPT warm": [True], "FATROP cold": [False]}
+    rows = rows_of("case", Case(make=lambda: None, goals=Goals(step=10.0, certified=60.0, best=100.0)), tally)
+    assert [(row.row, row.column) for row in rows[:5]] == [
+        ("certified", "of 2 moves"),
         ("a step", "median"),
         ("a step", "beside IPOPT warm"),
         ("converged", "beside IPOPT warm"),
+        ("best known", "of 2 moves"),
     ]
     numbers = {(row.row, row.column): row.ours for row in rows}
     assert numbers["certified", "of 2 moves"] == 50.0

@@ -1,0 +1,216 @@
+"""A quadratic program solved from a guess of its multipliers: its optimum followed while its data change; compiled.
+
+    minimise    ½ dᵀH d + gᵀd
+    subject to  c + A d ≥ 0
+
+With gradient Aᵀy and no slack where y > 0 the step d = 0 and the multipliers y ≥ 0 are optimal. From these data to the
+true ones the optimum moves in straight pieces; where one ends a constraint is added or dropped. Near the answer there
+are few pieces. H has to be positive definite along the active constraints only: where dropping one would leave
+negative curvature, the optimum ends, and so does the way; where it is flat, the step is as short as it can be. Source:
+Best 1996, An algorithm for the solution of the parametric quadratic programming problem; Ferreau, Bock & Diehl 2008.
+The system of a piece is solved by the Schur complement of what is active (``working_set``).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from paretoik.compilation import compiled
+from paretoik.compilation_references import keep, refer
+from paretoik.nlp.compiled.array_loops import norm
+from paretoik.nlp.compiled.quadratic_program import QuadraticProgram, add_row, row_product
+from paretoik.nlp.compiled.working_set import (
+    add_constraint,
+    allocate_working_set,
+    drop_constraint,
+    factorise_working_set,
+    is_definite_without,
+    response,
+    solve_working_set,
+    update_working_set,
+)
+
+MANY = 1 << 30  # changes: the matrix is to be factorised anew
+
+
+class QpOptions(NamedTuple):
+    """Tolerances; none has a unit, rows of A being divided by their lengths and H and g by that of g.
+
+    More than so many ``changes`` of the active set are taken for cycling; after ``updates`` the matrix is factorised
+    anew.
+    """
+
+    changes: int = 100
+    updates: int = 24
+    dependent: float = 1e-10  # share of a row that is not a combination of the active ones: what counts as none
+    rate: float = 1e-13  # by which a slack or a multiplier falls: less is rounding
+    lift: float = 1e-4  # of slacks at the beginning, each by another multiple of it from 1 to 2: ties would cycle
+    end: float = 1e-9  # of the way: what is as good as none of it
+
+
+class QpWay(NamedTuple):
+    """Where the optimum is, how data change, and how it moves; ``position`` of constraints in the working set."""
+
+    step: np.ndarray
+    multipliers: np.ndarray
+    slacks: np.ndarray
+    gradient_rate: np.ndarray
+    value_rate: np.ndarray
+    step_rate: np.ndarray
+    slack_rates: np.ndarray
+    multiplier_rates: np.ndarray
+
+
+@compiled(what="the parametric quadratic program", seconds=5)
+def solve_from(A, B, C, gradient, columns, entries, dense, values, multipliers, options):
+    """Return (step, multipliers, share of the way that was gone, changes of the active set) of the optimum followed.
+
+    H is [[A, Bᵀ], [B, C]], A banded (``bordered_cholesky``). Row i of the constraints has ``entries``[i] at
+    ``columns``[i]; the ``dense`` ones follow. Those with positive ``multipliers``, the guess, have to be independent. A
+    share below 1 says that the optimum ends there: constraints cannot all hold, or curvature becomes negative.
+    """
+    entries, dense, values, scale = entries.copy(), dense.copy(), values.copy(), max(norm(gradient), 1e-300)
+    lengths = _divide_by_lengths(entries, dense, values)
+    program = QuadraticProgram(A, B, C, gradient, columns, entries, dense, values)
+    work = allocate_working_set(len(gradient), A.shape[1], len(C), len(values), options.updates)
+    way = _begin(refer(program), lengths, multipliers, scale, options)
+    share, changes = _follow(refer(program), refer(work), refer(way), scale, options)
+    for i in range(len(values)):
+        way.multipliers[i] *= scale / lengths[i]
+    keep(program)
+    keep(work)
+    return way.step, way.multipliers, share, changes
+
+
+@compiled
+def _divide_by_lengths(entries, dense, values):
+    """Divide constraints by the lengths of their rows; return these."""
+    limits = len(entries)
+    lengths = np.empty(len(values))
+    for i in range(len(values)):
+        row = entries[i] if i < limits else dense[i - limits]
+        lengths[i] = max(norm(row), 1e-300)
+        for j in range(len(row)):
+            row[j] /= lengths[i]
+        values[i] /= lengths[i]
+    return lengths
+
+
+@compiled
+def _begin(program, lengths, multipliers, scale, options):
+    """Return the way from the data that the guess is the answer to."""
+    n, count = len(program.gradient), len(lengths)
+    way = QpWay(
+        np.zeros(n), np.zeros(count), np.zeros(count), np.zeros(n), np.zeros(count), np.zeros(n), np.zeros(count),
+        np.zeros(count),
+    )  # fmt: skip
+    for j in range(n):
+        way.gradient_rate[j] = program.gradient[j] / scale
+    for i in range(count):
+        if multipliers[i] > 0.0:
+            way.multipliers[i] = multipliers[i] * lengths[i] / scale
+        else:
+            lift = 1.0 + i * (np.sqrt(5.0) - 1.0) / 2 % 1.0
+            way.slacks[i] = max(program.values[i], 0.0) + options.lift * lift
+        way.value_rate[i] = program.values[i] - way.slacks[i]
+    for i in range(count):
+        if way.multipliers[i] > 0.0:
+            add_row(program, i, -way.multipliers[i], way.gradient_rate)
+    return way
+
+
+@compiled
+def _follow(program, work, way, scale, options):
+    """Follow the optimum to the end of the way, or to where it ends; return the share and the changes."""
+    share, changes = 0.0, 0
+    if not factorise_working_set(program, work, way.multipliers, True, scale):
+        return share, changes
+    while changes <= options.changes:
+        solve_working_set(program, work, way.gradient_rate, way.value_rate, way.step_rate, way.multiplier_rates)
+        _slack_rates(program, work, way)
+        length, row, dropped = _next_change(work, way, 1.0 - share, options)
+        _go(work, way, length)
+        share += length
+        if row < 0 or share > 1.0 - options.end:
+            return 1.0, changes
+        changes += 1
+        if not (_drop(work, way, row) if dropped else _add(program, work, way, row, options)):
+            return share, changes
+        if not update_working_set(program, work, way.multipliers, options.updates, scale):
+            return share, changes
+    return share, changes
+
+
+@compiled
+def _slack_rates(program, work, way):
+    for i in range(len(way.slacks)):
+        active = work.is_active[i]
+        way.slack_rates[i] = 0.0 if active else way.value_rate[i] + row_product(program, i, way.step_rate)
+
+
+@compiled
+def _next_change(work, way, left, options):
+    """Return how far the piece goes, the constraint at its end, −1 for the whole way, and if it is dropped."""
+    length, row, dropped = left, -1, False
+    for i in range(len(way.slacks)):
+        if not work.is_active[i] and way.slack_rates[i] < -options.rate:
+            reached = way.slacks[i] / -way.slack_rates[i]
+            if reached < length:
+                length, row, dropped = reached, i, False
+        elif work.is_active[i] and way.multiplier_rates[i] < -options.rate:
+            reached = max(way.multipliers[i], 0.0) / -way.multiplier_rates[i]
+            if reached < length:
+                length, row, dropped = reached, i, True
+    return length, row, dropped
+
+
+@compiled
+def _go(work, way, length):
+    """Move the optimum along its piece."""
+    for j in range(len(way.step)):
+        way.step[j] += length * way.step_rate[j]
+    for i in range(len(way.slacks)):
+        if work.is_active[i]:
+            way.multipliers[i] += length * way.multiplier_rates[i]
+        else:
+            way.slacks[i] = max(way.slacks[i] + length * way.slack_rates[i], 0.0)
+
+
+@compiled
+def _drop(work, way, row):
+    """Drop an active constraint; return whether the optimum may go on without."""
+    way.multipliers[row], way.slacks[row] = 0.0, 0.0
+    if is_definite_without(work, row):
+        drop_constraint(work, row)
+        return True
+    if work.counts[3]:
+        return False
+    work.is_active[row], work.counts[3] = False, 1  # flat or negative: regularised it is definite, or it is not
+    work.counts[1] = MANY
+    return True
+
+
+@compiled
+def _add(program, work, way, row, options):
+    """Add a constraint, in place of one that it depends on if it does; return whether they can all hold."""
+    across = response(program, work, row, way.multiplier_rates)
+    way.slacks[row] = 0.0
+    if across <= options.dependent:
+        leaving, length = -1, np.inf
+        for i in range(len(way.slacks)):
+            if work.is_active[i] and way.multiplier_rates[i] > np.sqrt(options.dependent):
+                reached = way.multipliers[i] / way.multiplier_rates[i]
+                if reached < length:
+                    leaving, length = i, reached
+        if leaving < 0:
+            return False
+        for i in range(len(way.slacks)):
+            if work.is_active[i]:
+                way.multipliers[i] = max(way.multipliers[i] - length * way.multiplier_rates[i], 0.0)
+        way.multipliers[row], way.multipliers[leaving] = length, 0.0
+        way.slacks[leaving] = 0.0
+        drop_constraint(work, leaving)
+    add_constraint(program, work, row)
+    return True
