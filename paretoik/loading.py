@@ -10,8 +10,8 @@ import traceback
 from collections.abc import Iterable
 from difflib import get_close_matches
 from pathlib import Path
-from types import ModuleType
-from typing import Any
+from types import FunctionType, ModuleType
+from typing import Any, TypeGuard
 
 import numpy as np
 
@@ -53,6 +53,19 @@ def problems_in(place: str) -> dict[str, str]:
     """
     offers = _offers(_import_module(place))
     return {name: (inspect.getdoc(value) or "").partition("\n")[0] for name, value in offers.items()}
+
+
+def unannotated_in(place: str) -> list[str]:
+    """Return names of functions that may make problems, but do not say so: without required arguments or annotation.
+
+    Raises InvalidInput where the module or file cannot be loaded.
+    """
+    module = _import_module(place)
+    return [
+        name
+        for name, value in vars(module).items()
+        if not name.startswith("_") and _is_own_factory(value, module) and "return" not in value.__annotations__
+    ]
 
 
 def _import_module(place: str) -> ModuleType:
@@ -112,13 +125,18 @@ def _offers(module: ModuleType) -> dict[str, Any]:
 
 
 def _makes_problem(value: object, module: ModuleType) -> bool:
-    if not inspect.isfunction(value) or value.__module__ != module.__name__ or _required_arguments(value):
+    if not _is_own_factory(value, module):
         return False
     try:
         returned = inspect.signature(value, eval_str=True).return_annotation
     except Exception:  # an annotation that means nothing outside a type checker
         return False
     return inspect.isclass(returned) and (hasattr(returned, "evaluate") or timeline(returned) == "step")
+
+
+def _is_own_factory(value: object, module: ModuleType) -> TypeGuard[FunctionType]:
+    """Return whether a value is a function that the module defines and that can be called without arguments."""
+    return inspect.isfunction(value) and value.__module__ == module.__name__ and not _required_arguments(value)
 
 
 def _call(function: Any, module: ModuleType, reference: str) -> Any:

@@ -22,6 +22,7 @@ from paretoik.run_files import (
     RUN,
     check_digest,
     former_note,
+    is_run,
     read_run,
     replace_file,
     run_bytes,
@@ -44,6 +45,11 @@ def save_plan(plan: Plan, folder: Path, *, name: str, unit: str, maximised: bool
     }
     for file, content in {**files, RUN: run_bytes(to_json(entries))}.items():
         replace_file(folder / file, content)
+
+
+def holds_plan(folder: Path) -> bool:
+    """Say whether a folder holds the run of a plan, whole or not."""
+    return is_run(folder / RUN) and read_run(folder / RUN).get("holds") == HOLDS
 
 
 def read_plan(folder: Path) -> tuple[dict[str, Any], dict[str, list[Any]], StoredMotions]:

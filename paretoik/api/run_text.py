@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -52,6 +53,7 @@ def plan_text(plan: Plan, name: str, unit: str, out: Path) -> str:
     lines.append(columns(rows))
     if (out / DRAWING).exists():  # not after a signal
         lines.append(f"pictured in {out / DRAWING}")
+    lines.append(f"export:  {shlex.join(['paretoik', 'export', str(out), '--point', '0'])}")
     return "\n".join(lines)
 
 

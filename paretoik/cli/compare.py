@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import sys
-from contextlib import redirect_stdout
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from paretoik.cli.console import JsonFlag, print_json
+from paretoik.cli.console import JsonFlag, print_json, stdout_for_results
 from paretoik.run_files import PICTURE_MARK, check_target
 
 
@@ -29,7 +27,7 @@ def compare(
     as_json: JsonFlag = False,
 ) -> None:
     """Compare the fronts of runs: hypervolume, coverage, additive epsilon, and the settings that differ."""
-    with redirect_stdout(sys.stderr):
+    with stdout_for_results():
         from paretoik.api.compare import compare as compare_fronts
         from paretoik.execution.run_folder import check_other_folder, claim_folder
         from paretoik.front.comparison_text import comparison_entries
@@ -41,6 +39,7 @@ def compare(
         comparison = compare_fronts(*runs, labels=None if labels is None else labels.split(","))
         if merge is not None:
             merged = comparison.merged
+            left_out = merged.provenance["merged"]["left_out"]
             with claim_folder(merge, overwrite=overwrite) as folder:
                 merged.save(folder)
         if picture is not None:
@@ -48,11 +47,11 @@ def compare(
 
             comparison_picture(comparison, picture)
     if as_json:
-        print_json(comparison_entries(comparison))
+        merge_entries = {} if merge is None else {"merged": {"out": merge, "points": len(merged), "left_out": left_out}}
+        print_json({**comparison_entries(comparison), **merge_entries})
     else:
         print(comparison)
         if merge is not None:
-            left_out = merged.provenance["merged"]["left_out"]
             print(f"\n{merge}: {len(merged)} points; its run.json says which run each comes from")
             if left_out:
                 print(f"not every run has the same {' and '.join(left_out)}, so that the merged front has none")

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import codecs
 import json
+import os
 import sys
 import unicodedata
+from collections.abc import Iterator
+from contextlib import contextmanager, redirect_stdout
 from io import TextIOWrapper
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
@@ -21,6 +24,7 @@ JsonFlag = Annotated[bool, typer.Option("--json", help="Print the result as JSON
 QuietFlag = Annotated[bool, typer.Option("--quiet", help="No progress.")]
 RunFolder = Annotated[Path, typer.Argument(help="Folder of a finished run.", show_default=False)]
 PLAIN = str.maketrans("−–×·", "--x*")  # what no decomposition leads to
+STDOUT, STDERR = 1, 2  # descriptors of the process
 NO_RESULT = 6  # the exit code of what was interrupted before there was a result
 EXIT_CODES = {"time limit": 5, "SIGINT": 130, "interrupted": 130, "SIGTERM": 143}
 
@@ -28,6 +32,29 @@ EXIT_CODES = {"time limit": 5, "SIGINT": 130, "interrupted": 130, "SIGTERM": 143
 def exit_code(status: object) -> int:
     """Return the exit code of a run that kept its result, by what ended it."""
     return EXIT_CODES.get(str(status), 0)
+
+
+@contextmanager
+def stdout_for_results() -> Iterator[None]:
+    """Lead what the body prints on stdout to stderr: a user's functions may print, and so may what they start.
+
+    Programs and libraries write where the process's own stdout leads, past Python's.
+    """
+    print(end="", flush=True)
+    try:
+        stdout = os.dup(STDOUT)
+    except OSError:  # it is closed
+        stdout = None
+    os.dup2(STDERR, STDOUT)
+    try:
+        with redirect_stdout(sys.stderr):
+            yield
+    finally:
+        if stdout is None:
+            os.close(STDOUT)
+        else:
+            os.dup2(stdout, STDOUT)
+            os.close(stdout)
 
 
 def print_what_is_printable() -> None:

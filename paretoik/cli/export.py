@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import sys
-from contextlib import redirect_stdout
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from paretoik.cli.console import JsonFlag, RunFolder, print_json
+from paretoik.cli.console import JsonFlag, RunFolder, print_json, stdout_for_results
 from paretoik.errors import InvalidInput
 
 if TYPE_CHECKING:  # so that the command line starts quickly
-    from paretoik.front.front import Choice, Front
+    from paretoik.front.front import Choice
     from paretoik.joint_trajectory.trajectory import JointTrajectory
+    from paretoik.task.motion import Motion
 
 ENDINGS = {"csv": ".csv", "parquet": ".parquet", "npz": ".npz", "joint-trajectory": ".yaml", "ros2-bag": "_bag"}
 
@@ -53,20 +52,18 @@ def export(
     overwrite: Annotated[bool, typer.Option(help="Replace a file that is there.")] = False,
     as_json: JsonFlag = False,
 ) -> None:
-    """Write the motion of a point for a robot: sampled at a controller's rate, and checked against its limits."""
-    with redirect_stdout(sys.stderr):  # a user's functions may print, and stdout is for the result
-        from paretoik.api.export import export as export_motion
-        from paretoik.api.load_front import load_front
+    """Write the motion of a point for a robot: sampled at a controller's rate, and checked against its limits.
 
-        front = load_front(run)
-        choice = _choice(front, point)
-        place = out or run / f"point-{choice.id}{ENDINGS[format or 'csv']}"
-        objectives = {
-            name: f"{value:.6g} {unit}".rstrip()
-            for name, unit, value in zip(front.names, front.units, choice.objectives, strict=True)
-        }
+    Points of a plan are its optima, the best of which is meant where none is named.
+    """
+    with stdout_for_results():
+        from paretoik.api.export import export as export_motion
+        from paretoik.api.plan_storage import holds_plan
+
+        id, motion, about = _optimum(run, point) if holds_plan(run) else _point(run, point)
+        place = out or run / f"point-{id}{ENDINGS[format or 'csv']}"
         trajectory = export_motion(
-            choice,
+            motion,
             place,
             format=format or ("csv" if out is None else None),
             rate=rate,
@@ -75,7 +72,7 @@ def export(
             time_scale=time_scale,
             slow_down=slow_down,
             ramp=ramp,
-            metadata={"run": run, "problem": front.provenance.get("problem"), "objectives": objectives},
+            metadata={"run": run, **about},
             overwrite=overwrite,
         )
     if as_json:
@@ -86,14 +83,44 @@ def export(
         print(_text(trajectory, place))
 
 
-def _choice(front: Front, point: int | None) -> Choice:
-    """Return the point, or the present choice; raises InvalidInput where there is none."""
+def _point(run: Path, point: int | None) -> tuple[int, Choice, dict[str, Any]]:
+    """Return a point of a front, or the present choice, and what is said of it; raises InvalidInput for none."""
+    from paretoik.api.load_front import load_front
     from paretoik.front.choices import chosen
 
+    front = load_front(run)
     choice = chosen(front) if point is None else front[point]
     if choice is None:
         raise InvalidInput("--point: the id of a point wanted, got none, and paretoik select has kept no choice")
-    return choice
+    objectives = {
+        name: _with_unit(value, unit)
+        for name, unit, value in zip(front.names, front.units, choice.objectives, strict=True)
+    }
+    return choice.id, choice, {"problem": front.provenance.get("problem"), "objectives": objectives}
+
+
+def _optimum(run: Path, point: int | None) -> tuple[int, Motion, dict[str, Any]]:
+    """Return an optimum of a plan, or the best, and what is said of it; raises InvalidInput for none."""
+    from paretoik.api.load_plan import load_plan
+    from paretoik.run_files import RUN, read_run
+
+    plan, id = load_plan(run), 0 if point is None else point
+    if not 0 <= id < len(plan.optima):
+        raise InvalidInput(f"--point: an optimum from 0 to {len(plan.optima) - 1} wanted, got {id}")
+    optimum, objective = plan.optima[id], read_run(run / RUN)["objective"]
+    return (
+        id,
+        optimum.motion,
+        {
+            "problem": plan.provenance.get("problem"),
+            "point": id,
+            "objectives": {objective["name"]: _with_unit(optimum.objective, objective["unit"])},
+        },
+    )
+
+
+def _with_unit(value: float, unit: str) -> str:
+    return f"{value:.6g} {unit}".rstrip()
 
 
 def _text(trajectory: JointTrajectory, place: Path) -> str:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import sys
-from contextlib import redirect_stdout
 from typing import Annotated
 
 import typer
 
 from paretoik.api.progress_display import open_observer
-from paretoik.cli.console import JsonFlag, QuietFlag, finish_front
+from paretoik.cli.console import JsonFlag, QuietFlag, finish_front, stdout_for_results
 from paretoik.cli.options import OutFolder, Overwrite, Problem, Seed, SolverOption, Starts, TimeLimit
 
 
@@ -30,8 +28,7 @@ def front(
     One objective is minimised, the others are bounded by one ε after another.
     Ctrl-C ends it early and keeps the result.
     """
-    # A user's functions may print, and stdout is for the result.
-    with redirect_stdout(sys.stderr), open_observer(not quiet, time_limit=time_limit) as observe:
+    with stdout_for_results(), open_observer(not quiet, time_limit=time_limit) as observe:
         from paretoik.api.epsilon_front import epsilon_front
         from paretoik.loading import load_problem
 

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import sys
-from contextlib import redirect_stdout
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from paretoik.cli.console import JsonFlag, print_json, print_message
+from paretoik.cli.console import JsonFlag, print_json, print_message, stdout_for_results
 from paretoik.errors import InvalidInput, ParetoikError
 from paretoik.tables import columns
 
@@ -19,23 +17,30 @@ def list_problems(
     as_json: JsonFlag = False,
 ) -> None:
     """List the problems that files offer."""
-    from paretoik.loading import problems_in
+    from paretoik.loading import problems_in, unannotated_in
 
     places = files or sorted(str(file) for file in Path("problems").glob("[!_]*.py"))
     if not places:
         raise InvalidInput(f"list: wanted a file, got none, and there is no problems/*.py in {Path.cwd()}")
     rows: list[tuple[str, str]] = []
     errors: list[ParetoikError] = []
+    silent: dict[str, list[str]] = {}
     for place in places:
         try:
-            with redirect_stdout(sys.stderr):
+            with stdout_for_results():
                 rows += [(f"{place}:{name}", about) for name, about in problems_in(place).items()]
+                silent[place] = unannotated_in(place)
         except ParetoikError as fault:
             errors.append(fault)
     if as_json:
         print_json([{"problem": name, "about": about} for name, about in rows])
     else:
         print(columns(rows))
+    for place, names in silent.items():
+        if not names:
+            continue
+        text = f"{place} has functions that do not say what they return and may be problems too: {', '.join(names)}"
+        print_message("note:", "bold", f"{text}; an annotation, as -> Tracking, lists them")
     for error in errors:
         print_message("error:", "bold red", str(error))
     if errors:

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import sys
-from contextlib import redirect_stdout
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from paretoik.api.result_text import choice_text, entries
-from paretoik.cli.console import JsonFlag, RunFolder, print_json
+from paretoik.cli.console import JsonFlag, RunFolder, print_json, stdout_for_results
 
 
 def navigate(
@@ -33,7 +31,7 @@ def navigate(
 
     Nothing is lost: a run whose points the new one dominates stays as it is, and the new front is kept beside it.
     """
-    with redirect_stdout(sys.stderr):  # a user's functions may print, and stdout is for the result
+    with stdout_for_results():
         from paretoik.api.navigate import navigate as move
         from paretoik.front.provenance import NAVIGATIONS
 

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import sys
-from contextlib import redirect_stdout
-
 import typer
 
 from paretoik.api.progress_display import open_observer
 from paretoik.api.run_text import optima_entries, plan_text
-from paretoik.cli.console import JsonFlag, QuietFlag, exit_code, print_json
+from paretoik.cli.console import JsonFlag, QuietFlag, exit_code, print_json, stdout_for_results
 from paretoik.cli.options import OutFolder, Overwrite, Problem, Seed, SolverOption, Starts, TimeLimit
 
 
@@ -28,8 +25,7 @@ def plan(
 
     Ctrl-C ends it early and keeps the result.
     """
-    # A user's functions may print, and stdout is for the result.
-    with redirect_stdout(sys.stderr), open_observer(not quiet, time_limit=time_limit) as observe:
+    with stdout_for_results(), open_observer(not quiet, time_limit=time_limit) as observe:
         from paretoik.api.plan import plan as find_plan
         from paretoik.loading import load_problem
 

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import sys
-from contextlib import redirect_stdout
 from pathlib import Path
 
 from paretoik.api.progress_display import open_observer
-from paretoik.cli.console import JsonFlag, QuietFlag, RunFolder, finish_front
+from paretoik.cli.console import JsonFlag, QuietFlag, RunFolder, finish_front, stdout_for_results
 from paretoik.cli.options import OutFolder, Overwrite, SolverOption, TimeLimit
 from paretoik.errors import InvalidInput
 from paretoik.front.front import Front
@@ -26,8 +24,7 @@ def refine(
 
     No point becomes worse in any objective. Ctrl-C ends it early and keeps the result.
     """
-    # A user's functions may print, and stdout is for the result.
-    with redirect_stdout(sys.stderr), open_observer(not quiet, time_limit=time_limit) as observe:
+    with stdout_for_results(), open_observer(not quiet, time_limit=time_limit) as observe:
         from paretoik.api.refine import refine as refine_front
 
         result = refine_front(

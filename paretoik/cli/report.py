@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import sys
-from contextlib import redirect_stdout
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from paretoik.cli.console import JsonFlag, RunFolder, print_json
+from paretoik.cli.console import JsonFlag, RunFolder, print_json, stdout_for_results
 
 
 def report(
@@ -21,7 +19,7 @@ def report(
     as_json: JsonFlag = False,
 ) -> None:
     """Write one HTML page about a run, which needs no network: the front, motions, certificates, choices, settings."""
-    with redirect_stdout(sys.stderr):
+    with stdout_for_results():
         from paretoik.api.report import report as write_report
 
         file = write_report(run, out, overwrite=overwrite)

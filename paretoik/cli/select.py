@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping
-from contextlib import redirect_stdout
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
@@ -12,7 +10,7 @@ from typing import Annotated
 import typer
 
 from paretoik.api.progress_display import open_observer
-from paretoik.cli.console import JsonFlag, QuietFlag, RunFolder, exit_code, print_json
+from paretoik.cli.console import JsonFlag, QuietFlag, RunFolder, exit_code, print_json, stdout_for_results
 from paretoik.errors import InvalidInput
 from paretoik.run_files import PICTURE_MARK, check_target
 
@@ -97,7 +95,7 @@ def select(
     if history or undo:
         _show_history(run, wishes, undo=undo, as_json=as_json)
         return
-    with redirect_stdout(sys.stderr):
+    with stdout_for_results():
         if picture is not None:
             check_target("picture", picture, overwrite=overwrite, mark=PICTURE_MARK)
         from paretoik.api.load_front import load_front

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import sys
-from contextlib import redirect_stdout
 from typing import Annotated
 
 import typer
 
 from paretoik.api.progress_display import open_observer
-from paretoik.cli.console import JsonFlag, QuietFlag, finish_front
+from paretoik.cli.console import JsonFlag, QuietFlag, finish_front, stdout_for_results
 from paretoik.cli.options import OutFolder, Overwrite, Problem, SolverName, TimeLimit
 
 
@@ -47,8 +45,7 @@ def solve(
 
     Ctrl-C ends it early and keeps the result.
     """
-    # A user's functions may print, and stdout is for the result.
-    with redirect_stdout(sys.stderr), open_observer(not quiet, time_limit=time_limit) as observe:
+    with stdout_for_results(), open_observer(not quiet, time_limit=time_limit) as observe:
         from paretoik.api.solve import solve as solve_problem
         from paretoik.loading import load_problem
 

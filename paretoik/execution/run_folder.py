@@ -12,7 +12,7 @@ from typing import BinaryIO
 
 from paretoik.errors import InvalidInput
 from paretoik.execution.former_run import PART, set_aside, settle
-from paretoik.run_files import FORMER, RUN, is_run
+from paretoik.run_files import FORMER, RUN, is_run, only_writer
 
 LOCK = ".lock"
 
@@ -41,11 +41,11 @@ def claim_folder(folder: Path | str, *, overwrite: bool = False) -> Iterator[Pat
                 f"{place}: wanted a new folder or permission to overwrite (--overwrite), got one that holds a run"
             )
         try:
-            with _refusal(place):
+            with _refusal(place), only_writer(place):
                 set_aside(place)
             yield place
         finally:
-            with _refusal(place):
+            with _refusal(place), only_writer(place):
                 settle(place)
 
 
@@ -64,7 +64,7 @@ def lock_folder(place: Path) -> Iterator[Path]:
         lock = os.fdopen(os.open(place / LOCK, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666), "r+b")
     with lock:
         _lock(lock, place)
-        with _refusal(place):
+        with _refusal(place), only_writer(place):
             restored = settle(place)
         if restored:
             text = f"{place}: the process that was to replace its run ended without a result; that run is back"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import paretoik as pk
 from paretoik.run_files import DRAWING, POLYGON, RECORDING, TRACES
 from tests.api.problems import PATH, tracking
 from tests.api.test_nothing_given_is_lost import drawn
+from tests.execution.test_run_folder import holder
 
 
 def entries(folder) -> dict:
@@ -43,6 +45,17 @@ def test_a_damaged_plan_is_refused(tmp_path):
     table.write_bytes(table.read_bytes()[:-1])
     with pytest.raises(pk.InvalidInput, match=r"wanted the file that run\.json belongs to"):
         pk.load_plan(tmp_path, problem)
+
+
+def test_a_front_that_a_killed_process_was_to_replace_is_named_and_can_be_opened(front, tmp_path):
+    replace(front, problem=None).save(tmp_path)
+    process = holder(tmp_path)
+    process.kill()
+    process.communicate()
+    former = tmp_path / ".former-run"
+    with pytest.raises(pk.InvalidInput, match=f"of status 'running' without; the run that it was to .* {former}$"):
+        pk.load_front(tmp_path)
+    assert np.array_equal(pk.Front.load(former).objectives, front.objectives)
 
 
 def test_a_plan_that_cannot_begin_leaves_the_run_that_it_was_to_replace(tmp_path):

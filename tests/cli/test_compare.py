@@ -43,6 +43,12 @@ def test_compare_as_json_holds_the_numbers(paretoik, finished):
     assert said["hypervolume"] == [1.0, 1.0]
     assert said["coverage"] == [[1.0, 1.0], [1.0, 1.0]]
     assert said["differences"] == {}
+    assert "merged" not in said
     front = pk.load_front(finished)
     assert sorted(said["attainment"]["all"]["median"]) == sorted(front.objectives.tolist())
     assert list(said["attainment"]["labels"]) == [finished.name]  # one label, as of two runs of one method
+
+
+def test_compare_as_json_says_where_the_merged_front_is(paretoik, finished, tmp_path):
+    said = strict(paretoik("compare", finished, finished, "--merge", tmp_path / "m", "--json").out)["merged"]
+    assert said == {"out": str(tmp_path / "m"), "points": len(pk.load_front(finished)), "left_out": []}

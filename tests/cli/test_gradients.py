@@ -7,6 +7,7 @@ import re
 import signal
 from importlib import import_module
 
+import numpy as np
 import pytest
 
 from tests.api.test_interruption import interrupt_restarts
@@ -30,9 +31,22 @@ def test_plan_lists_the_optima(paretoik, mine, tmp_path):
     assert (tmp_path / "p" / "review.rrd").stat().st_size > 100_000
     optima = strict(ended.out)["optima"]
     assert [each["objective"] for each in optima] == sorted(each["objective"] for each in optima)
+    assert export_reads(paretoik, tmp_path / "p", optima)
     refused = paretoik("refine", tmp_path / "p", "--out", tmp_path / "r", "--quiet")
     assert refused.code == 2
     assert "holds the optima of a plan" in refused.err
+
+
+def export_reads(paretoik, run, optima) -> bool:
+    """Export the best optimum of a plan and its last, and return whether the files hold their motions."""
+    last = optima[-1]
+    best = strict(paretoik("export", run, "--rate", "20", "--json").out)
+    assert (best["point"], best["out"], best["samples"]) == (0, str(run / "point-0.csv"), 21)
+    assert paretoik("export", run, "--point", len(optima)).code == 2
+    ended = paretoik("export", run, "--point", last["id"], "--out", run / "last.npz", "--json")
+    assert strict(ended.out)["objectives"] == {"kinetic_energy": f"{last['objective']:.6g} J s"}
+    with np.load(run / "last.npz") as stored, np.load(run / "motions.npz") as motions:
+        return bool(np.abs(stored["q"][[0, -1]] - motions["q"][-1][[0, -1]]).max() < 1e-9)
 
 
 def test_an_interrupted_plan_names_the_starts_that_it_had_and_no_picture_that_it_has_not(
