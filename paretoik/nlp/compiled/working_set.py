@@ -86,7 +86,7 @@ def allocate_working_set(n, band, border, constraints, updates):
 def factorise_working_set(program, work, multipliers, first, scale):
     """Factorise K of the active rows, those with a multiplier the ``first`` time; return whether it is definite.
 
-    Where H is flat along them it is regularised, from then on: nothing moves that way by itself.
+    Where H is flat along them it is regularised from then on: nothing moves that way by itself.
     """
     count, largest = 0, 0.0
     for i in range(len(multipliers)):
@@ -98,7 +98,7 @@ def factorise_working_set(program, work, multipliers, first, scale):
         return False
     for i in range(len(program.A)):
         largest = max(largest, abs(program.A[i, 0]) / scale)
-    largest = largest if largest > 0.0 else 1.0
+    largest += largest == 0.0
     work.counts[0], work.counts[1] = 0, 0
     for which in range(FLAT if work.counts[3] else 0, len(STIFFNESS)):
         rho, delta = STIFFNESS[which] * largest, REGULARISATION * largest if which == FLAT else 0.0
@@ -251,7 +251,7 @@ def is_definite_without(work, row):
     """Return whether curvature stays positive without an active row, by Haynsworth's inertia formula."""
     place = work.position[row]
     for w in range(work.counts[0]):
-        work.right[w] = 1.0 if w == place else 0.0
+        work.right[w] = w == place
     solve_lu(work.factors, work.exchanges, work.counts[0], work.right)
     return work.right[place] - work.stiffness[place] > CURVATURE * work.stiffness[place]
 
