@@ -1,4 +1,4 @@
-"""Array shapes, each named once.
+"""Array shapes, each named once, and arrays that are not written to.
 
 The batch leads: ``*batch`` stands for any number of leading axes, none included. ``time`` counts samples, ``dof``
 joints, ``points`` the members of a front. ``Inexact`` shapes are real or complex: the robot kernels run on both.
@@ -34,3 +34,9 @@ Mask: TypeAlias = Bool[np.ndarray, "points"]
 
 Point: TypeAlias = Float[np.ndarray, "*point"]
 Points: TypeAlias = Float[np.ndarray, "points *point"]
+
+
+def read_only(array: np.ndarray) -> np.ndarray:
+    """Return an array, itself, that nobody can write to any more."""
+    array.setflags(write=False)
+    return array

@@ -60,7 +60,7 @@ def positive_number(name: str, value: float, unit: str) -> float:
 
 def file_path(name: str, value: object) -> Path:
     """Return ``value`` as a path, or refuse by ``name`` what is no text or path."""
-    if not isinstance(value, str | PathLike) or not str(value):
+    if not isinstance(value, str | PathLike) or not str(value) or "\0" in str(value):
         raise InvalidInput(f"{name}: a path wanted, got {value!r}")
     return Path(value)
 

@@ -6,11 +6,13 @@ altered file is refused.
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import json
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path, PurePath
 from typing import Any
 
@@ -34,6 +36,7 @@ DRAWING = "picture.png"
 CHECKPOINT = "checkpoint"
 CHOICES = "choices.json"
 REPORT = "report.html"
+FORMER = ".former-run"  # a folder in it: the run that a new one replaces, until that has a result
 CONTENTS = (
     RUN,
     TABLE,
@@ -53,11 +56,51 @@ CONTENTS = (
 )
 
 
+PAGES = (REPORT, PICTURE, CERTIFICATES, DRAWING)  # to be looked at; a run lives without
+PAGE_MARK = b'<meta name="generator" content="paretoik">'
+PICTURE_MARK = b"Software\0paretoik"  # a text chunk of PNG
+MARK_WITHIN = 4096  # bytes of the beginning of a page or a picture of ours
+
+
+def check_target(
+    name: str, file: Path, *, overwrite: bool = False, mark: bytes | None = None, folder: bool = False
+) -> None:
+    """Raise InvalidInput, by ``name``, where nobody may write a file there, so that this is known before any work.
+
+    That is a folder, unless that is wanted, a name that the system refuses, a file that a run lives by, and without
+    ``overwrite`` any file that is there, except one of ours that has the ``mark`` of what is to be written.
+    """
+    kind = "a folder of its own" if folder else "a file"
+    if file.name in ("", ".."):
+        raise InvalidInput(f"{name}: wanted {kind} to write into, got the folder {file}")
+    if file.name in set(CONTENTS) - set(PAGES) and is_run(file.parent / RUN):
+        raise InvalidInput(f"{name}: wanted a file that is not the run's own, got {file}")
+    try:
+        file.lstat()
+    except FileNotFoundError:
+        return
+    except OSError as fault:
+        raise InvalidInput(f"{file}: wanted to write it, got {fault.strerror}") from fault
+    if file.is_dir() and not folder:
+        raise InvalidInput(f"{name}: wanted {kind} to write into, got the folder {file}")
+    if not (overwrite or (mark is not None and _has_mark(file, mark))):
+        raise InvalidInput(f"{file}: a new file or permission to overwrite (--overwrite) wanted, got one that is there")
+
+
+def _has_mark(file: Path, mark: bytes) -> bool:
+    if file.is_symlink() or not file.is_file():
+        return False
+    with file.open("rb") as content:
+        return mark in content.read(MARK_WITHIN)
+
+
 def replace_file(file: Path, content: bytes) -> None:
     """Write ``content`` into a temporary file and rename it to ``file``, so that no reader sees a part; make folders.
 
     Raises InvalidInput where the system refuses, as on a full disk; the former file is unchanged then.
     """
+    if file.name in ("", ".."):
+        raise InvalidInput(f"{file}: wanted to write it, got a folder")
     part = file.with_name(f".{file.name}.{os.getpid()}")
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
@@ -71,6 +114,25 @@ def replace_file(file: Path, content: bytes) -> None:
             part.unlink(missing_ok=True)
     except OSError as fault:
         raise InvalidInput(f"{file}: wanted to write it, got {fault.strerror}") from fault
+
+
+@contextmanager
+def only_writer(folder: Path) -> Iterator[None]:
+    """Hold a folder's lock while its files are replaced, so that of two processes neither loses what it adds.
+
+    The folder is made if need be; the lock ends with the process. Raises InvalidInput where the system refuses.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        descriptor = os.open(folder, os.O_RDONLY)
+    except OSError as fault:
+        raise InvalidInput(f"{folder}: wanted a folder to write into, got {fault.strerror}") from fault
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        fcntl.flock(descriptor, fcntl.LOCK_UN)  # a process forked meanwhile has the descriptor too
+        os.close(descriptor)
 
 
 def run_bytes(entries: Mapping[str, Any]) -> bytes:
@@ -92,7 +154,10 @@ def read_run(file: Path, *, kind: str = "a run") -> dict[str, Any]:
 
     Raises InvalidRun where the file is missing, a link, no strict JSON, no run, or of another format.
     """
-    content = read_plain_file(file)
+    try:
+        content = read_plain_file(file)
+    except InvalidRun as fault:
+        raise InvalidRun(f"{fault}{former_note(file.parent)}") from None
     try:
         run = json.loads(content, parse_constant=_refuse_constant)
     except (ValueError, RecursionError) as fault:
@@ -112,11 +177,28 @@ def check_digest(file: Path, run: dict[str, Any]) -> None:
 
 def is_run(file: Path) -> bool:
     """Say whether a file is the `run.json` of some version of this format."""
+    return _entries(file) is not None
+
+
+def has_result(folder: Path) -> bool:
+    """Say whether a folder holds a run with a result; one of another version of this format may have one."""
+    run = _entries(folder / RUN)
+    return run is not None and ("files" in run or run["format"] != FORMAT)
+
+
+def former_note(folder: Path) -> str:
+    """Say where the run is that the one in a folder replaces, if it is still kept, to be added to an error."""
+    former = folder / FORMER
+    return f"; the run that it was to replace is in {former}" if is_run(former / RUN) else ""
+
+
+def _entries(file: Path) -> dict[str, Any] | None:
+    """Return the entries of a `run.json` of some version of this format, unchecked; None where it is none."""
     try:
         run = json.loads(file.read_bytes())
     except (OSError, ValueError, RecursionError):
-        return False
-    return isinstance(run, dict) and "format" in run
+        return None
+    return run if isinstance(run, dict) and "format" in run else None
 
 
 def digest(run: Mapping[str, Any]) -> str:

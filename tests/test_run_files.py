@@ -8,7 +8,19 @@ import numpy as np
 import pytest
 
 from paretoik.errors import InvalidInput, InvalidRun
-from paretoik.run_files import RUN, digest, is_run, read_run, replace_file, to_json, write_run
+from paretoik.run_files import (
+    CHOICES,
+    PAGE_MARK,
+    PICTURE_MARK,
+    RUN,
+    check_target,
+    digest,
+    is_run,
+    read_run,
+    replace_file,
+    to_json,
+    write_run,
+)
 
 
 def test_a_run_is_read_as_it_was_written_with_its_format_and_its_digest(tmp_path):
@@ -49,6 +61,37 @@ def test_a_file_is_replaced_and_nothing_else_stays_behind(tmp_path):
     replace_file(file, b"after")
     assert file.read_bytes() == b"after"
     assert [entry.name for entry in file.parent.iterdir()] == ["run.json"]
+
+
+@pytest.mark.parametrize("name", [".", "..", "/", "x" * 300, "taken/page.html", "notes.txt", RUN, CHOICES])
+def test_where_nobody_may_write_is_known_before_any_work(tmp_path, name):
+    (tmp_path / "taken").touch()
+    (tmp_path / "notes.txt").write_text("mine")
+    write_run(tmp_path, {"status": "done"})
+    with pytest.raises(InvalidInput) as refused:
+        check_target("report", tmp_path / name, mark=PAGE_MARK)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_page_may_be_written_anew_and_other_files_where_told(tmp_path):
+    page, notes = tmp_path / "report.html", tmp_path / "notes.html"
+    page.write_bytes(b"<!doctype html>" + PAGE_MARK)
+    notes.write_text("<!doctype html>mine")
+    write_run(tmp_path, {"status": "done"})
+    check_target("report", page, mark=PAGE_MARK)
+    check_target("report", notes, mark=PAGE_MARK, overwrite=True)
+    check_target("report", tmp_path / "new" / "report.html", mark=PAGE_MARK)
+    for file, mark in ((notes, PAGE_MARK), (page, PICTURE_MARK), (page, None)):
+        with pytest.raises(InvalidInput, match="permission to overwrite"):
+            check_target("report", file, mark=mark)
+    with pytest.raises(InvalidInput, match="wanted a file that is not the run's own"):
+        check_target("report", tmp_path / RUN, mark=PAGE_MARK, overwrite=True)
+
+
+@pytest.mark.parametrize("name", [".", "/", ".."])
+def test_a_folder_is_no_file_to_replace(name):
+    with pytest.raises(InvalidInput, match="wanted to write it, got a folder"):
+        replace_file(Path(name), b"content")
 
 
 def test_a_full_disk_leaves_the_former_file_whole(tmp_path, monkeypatch):

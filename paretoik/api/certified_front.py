@@ -119,12 +119,12 @@ def _leave_saddles(
         if not len(saddles):
             break
         x = np.stack([better for better in points.better if better is not None])
-        found = certified(refine(formulation.program(ranges), x, len(ranges), solver=solver)[0])
-        rise = found.individuals.objectives - points.individuals.objectives[saddles]
+        refined = certified(refine(formulation.program(ranges), x, len(ranges), solver=solver)[0])
+        rise = refined.individuals.objectives - points.individuals.objectives[saddles]
         allowed = np.maximum(points.certificates.violation_between[saddles], OPTIONS.between)
-        holds = found.certificates.violation_between <= allowed  # not known after a signal
+        holds = refined.certificates.violation_between <= allowed  # not known after a signal
         accepted = np.flatnonzero(holds & (rise <= OPTIONS.tolerance * ranges).all(axis=1))
-        points = _replace_points(formulation, points, saddles[accepted], found, accepted)
+        points = _replace_points(formulation, points, saddles[accepted], refined, accepted)
     return points
 
 
@@ -132,22 +132,22 @@ def _replace_points(
     formulation: Differentiable,
     points: _CertifiedPoints,
     rows: Int[np.ndarray, " rows"],
-    found: _CertifiedPoints,
-    found_rows: Int[np.ndarray, " rows"],
+    refined: _CertifiedPoints,
+    refined_rows: Int[np.ndarray, " rows"],
 ) -> _CertifiedPoints:
     """Return points with some rows replaced by those of others; better points beside the rest are forgotten."""
     order = np.arange(len(points.better))
-    order[rows] = len(order) + found_rows
-    before, after = points.individuals, found.individuals
+    order[rows] = len(order) + refined_rows
+    before, after = points.individuals, refined.individuals
     genes = None
     if before.genes is not None and after.genes is not None:
         genes = np.concatenate([before.genes, after.genes])[order]
     better: list[Point | None] = [None] * len(order)
-    for row, found_row in zip(rows, found_rows, strict=True):
-        better[row] = found.better[found_row]
+    for row, refined_row in zip(rows, refined_rows, strict=True):
+        better[row] = refined.better[refined_row]
     return _CertifiedPoints(
         individuals=formulation.individuals(np.concatenate([before.x, after.x])[order], genes),
-        certificates=points.certificates.replace_rows(rows, found.certificates[found_rows]),
+        certificates=points.certificates.replace_rows(rows, refined.certificates[refined_rows]),
         better=better,
     )
 

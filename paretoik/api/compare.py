@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from pathlib import Path
 
 from paretoik.api.load_front import load_front
@@ -39,11 +38,21 @@ def compare(*fronts: Front | Path | str, labels: Sequence[str] | None = None) ->
 
 
 def _labels(fronts: Sequence[Front | Path | str]) -> tuple[str, ...]:
-    """Return a label for each front: the end of its folder's path that no other has."""
+    """Return a label for each front: its place, or the shortest end of its folder's path that no other has."""
     paths = [None if isinstance(front, Front) else Path(front).absolute() for front in fronts]
-    names = [f"front {place}" if path is None else path.name for place, path in enumerate(paths, 1)]
-    twice = {name for name, count in Counter(names).items() if count > 1}
+    labels = [f"front {place}" if path is None else "" for place, path in enumerate(paths, 1)]
+    folders = {path for path in paths if path is not None}
+    taken = set(labels)
     return tuple(
-        name if name not in twice or path is None else str(Path(*path.parts[-2:]))
-        for name, path in zip(names, paths, strict=True)
+        label if path is None else _distinct_end(path, folders - {path}, taken)
+        for label, path in zip(labels, paths, strict=True)
     )
+
+
+def _distinct_end(path: Path, others: Set[Path], taken: Set[str]) -> str:
+    """Return the shortest end of a path that neither another one has nor ``taken`` holds."""
+    for count in range(1, len(path.parts)):
+        end = str(Path(*path.parts[-count:]))
+        if end not in taken and all(other.parts[-count:] != path.parts[-count:] for other in others):
+            return end
+    return str(path)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from paretoik.api.polygon_run import polygon_counts, polygon_subject, save_polygon
 from paretoik.api.progress import Observer
-from paretoik.api.review_polygon import review_polygon
+from paretoik.api.review_polygon import review_polygon, start_recording
 from paretoik.api.run_session import run_session
 from paretoik.capability.actuation import Actuation
 from paretoik.capability.directional import PerformancePolygon, directional_query, performance_polygon
@@ -58,9 +58,9 @@ def directional_maxima(
         Postures to start from (more are drawn where few can be held), and the seed of their chance; planar arms with
         three joints need none.
     out
-        Folder to keep the run in: run.json, polygon.npz with every array of the result, and picture.png with
-        the polygon and the arm in the maximising postures. ``overwrite`` allows it
-        to replace a run that is there.
+        Folder to keep the run in: run.json, polygon.npz with every array of the result, review.rrd, in which the
+        polygon grows direction by direction with the arm in each maximising posture, and picture.png. ``overwrite``
+        allows it to replace a run that is there.
     observe
         Called with a ``RunProgress`` while something is compiled or saved; as for ``plan``.
 
@@ -80,8 +80,9 @@ def directional_maxima(
         overwrite=overwrite,
         observe=observe,
     ) as session:
+        start_recording(query, session)
         polygon = performance_polygon(query)
         provenance = {**session.provenance, "status": "maxima", "counts": polygon_counts(polygon, session.seconds)}
         session.keep(lambda folder: save_polygon(polygon, provenance, folder))
-        review_polygon(polygon, session)
+        review_polygon(polygon, provenance, session)
     return polygon

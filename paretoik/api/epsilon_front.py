@@ -24,7 +24,7 @@ from paretoik.inputs import check_flag
 from paretoik.nlp.minimise import check_solver
 from paretoik.nlp.program import Solver
 from paretoik.pareto.epsilon import epsilon_points
-from paretoik.review.workcell import workcell_of
+from paretoik.review.recording.workcell import workcell_of
 from paretoik.task.motion import Motion
 
 

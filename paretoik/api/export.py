@@ -16,10 +16,13 @@ from paretoik.joint_trajectory.controllers import find_controller
 from paretoik.joint_trajectory.fitting import fit_motion
 from paretoik.joint_trajectory.formats import Format, find_format, write_trajectory
 from paretoik.joint_trajectory.limit_check import LimitUse
+from paretoik.joint_trajectory.ros import check_bag
 from paretoik.joint_trajectory.time_scaling import time_scaling
 from paretoik.joint_trajectory.trajectory import JointTrajectory, same_joints, sample_motion
-from paretoik.run_files import to_json
+from paretoik.run_files import check_target, to_json
 from paretoik.task.motion import Motion
+
+MADE = ("made by", "arm", "controller", "controller rate", "rate", "time_scale", "ramp", "use of limits")
 
 
 def export(
@@ -42,14 +45,17 @@ def export(
     to whole periods. ``format`` is "csv", "parquet", "npz", "joint-trajectory" (ROS 2, as YAML) or "ros2-bag" (a
     folder); else the ending of ``file`` says it. Columns are in the order of the arm's joints, or of ``joint_names``.
 
-    ``controller``, one of ``pk.controllers`` or its name, or "franka", "ur" or "kinova", gives the rate where there is
-    none, and its limits hold every sample: positions; velocities, accelerations and jerks, as differences of what is
-    sent and of the curve; torques of an arm with masses; rest at both ends. Without one nothing is checked. At a lower
-    rate than its own the controller interpolates between samples, and that is not checked.
+    Without a ``rate`` it is the controller's, or as many samples as the motion has where there is no controller.
+
+    The motion keeps the limits of ``controller``, one of ``pk.controllers`` or its name, or "franka", "ur" or "kinova":
+    positions; velocities, accelerations and jerks, as differences of what is sent and of the curve; torques of an arm
+    with masses; rest at both ends. Whatever ``rate`` is, all that is looked at at the controller's own; from samples at
+    a lower one it interpolates a motion of its own, which is not checked. Without a controller nothing is checked.
 
     ``time_scale`` ≥ 1 slows the motion down; with ``slow_down`` it is slowed down further, as little as the limits ask
     for; ``ramp`` [s] lets it start from rest and come to rest, each within that time. All three keep to the curve, and
-    change when the arm is where. ``metadata`` is kept in the file with what made it.
+    change when the arm is where. ``metadata`` is kept in the file with what made it, which it may not say otherwise;
+    ``objectives`` of a choice may be named in it.
 
     Raises InvalidInput for what cannot be exported so, or a file that is there without ``overwrite``; Infeasible, by
     joint, quantity, time, value and limit, where the controller would refuse.
@@ -61,29 +67,28 @@ def export(
     one, about = _one_motion(motion)
     names = one.arm.joint_names if joint_names is None else same_joints(joint_names, one.arm.joint_names)
     its = None if controller is None else find_controller(controller, one.arm)
-    scaling = time_scaling(float(one.duration), _rate(rate, its), time_scale=time_scale, ramp=ramp)
-    notes = to_json(dict(metadata or {}), name="metadata")
-    if (target.exists() or target.is_symlink()) and not overwrite:
-        raise InvalidInput(
-            f"{target}: a new file or permission to overwrite (--overwrite) wanted, got one that is there"
-        )
+    scaling = time_scaling(float(one.duration), _rate(rate, its, one), time_scale=time_scale, ramp=ramp)
+    notes = _notes(metadata, about)
+    if kind == "ros2-bag":
+        check_bag(target, overwrite=overwrite)
+    else:
+        check_target("export", target, overwrite=overwrite)
     if its is None:
         if slow_down:
             raise InvalidInput("slow_down: a controller, whose limits say how much, wanted, got none")
         trajectory, uses = sample_motion(one, scaling), list[LimitUse]()
     else:
         trajectory, scaling, uses = fit_motion(one, scaling, its, slower=slow_down)
-    made = {
-        "arm": one.arm.name,
-        "controller": None if its is None else its.name,
-        "rate": scaling.rate,
-        "time_scale": scaling.factor,
-        "ramp": scaling.ramp,
-        "use of limits": {use.quantity: use.use for use in uses},
-    }
-    trajectory = replace(
-        trajectory.reorder(names), metadata={"made by": f"paretoik {version('paretoik')}"} | made | about | notes
+    made = (
+        f"paretoik {version('paretoik')}",
+        one.arm.name,
+        *((None, None) if its is None else (its.name, its.rate)),
+        scaling.rate,
+        scaling.factor,
+        scaling.ramp,
+        {use.quantity: use.use for use in uses},
     )
+    trajectory = replace(trajectory.reorder(names), metadata=dict(zip(MADE, made, strict=True)) | about | notes)
     write_trajectory(trajectory, target, kind)
     return trajectory
 
@@ -105,9 +110,16 @@ def _one_motion(motion: Choice | Motion) -> tuple[Motion, dict[str, Any]]:
     return motion, about
 
 
-def _rate(rate: float | None, controller: Controller | None) -> float:
+def _notes(metadata: Mapping[str, Any] | None, about: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a user's own metadata; raises InvalidInput where it has a name of ours, or what JSON cannot hold."""
+    notes: dict[str, Any] = to_json(dict(metadata or {}), name="metadata")
+    ours = next((name for name in notes if name in {*MADE, *about} - {"objectives"}), None)
+    if ours is not None:
+        raise InvalidInput(f"metadata: wanted other names than those of what export says itself, got {ours!r}")
+    return notes
+
+
+def _rate(rate: float | None, controller: Controller | None, motion: Motion) -> float:
     if rate is not None:
         return positive_number("rate", rate, "Hz")
-    if controller is None:
-        raise InvalidInput("rate: the controller's, in Hz (--rate), or a controller (--controller) wanted, got neither")
-    return controller.rate
+    return (len(motion.time) - 1) / float(motion.duration) if controller is None else controller.rate

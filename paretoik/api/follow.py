@@ -20,8 +20,8 @@ from paretoik.formulations.closed_loop import ClosedLoop
 from paretoik.formulations.closed_loop_arguments import check_steps
 from paretoik.formulations.closed_loop_result import ClosedLoopRun, explain_choice
 from paretoik.front.front import Front
-from paretoik.review.recorder import Generation, SearchedStep, SearchEnd
-from paretoik.review.workcell import workcell_of
+from paretoik.review.recording.recorder import Generation, SearchedStep, SearchEnd
+from paretoik.review.recording.workcell import workcell_of
 from paretoik.run_files import PICTURE, SEARCHES, STEPS, replace_file
 
 SEARCH_SETTINGS = ("initial", "evaluations", "target", "anchors", "algorithm", "refine", "solver")  # not of a loop
@@ -107,7 +107,7 @@ class LoopRun:
         session.finish_recording(SearchEnd(front=None, choice=explain_choice(front), searched=searched))
         if session.signal is not None:
             return
-        from paretoik.review.loop_plots import loop_picture  # here: matplotlib takes its time
+        from paretoik.review.pictures.loop_plots import loop_picture  # here: matplotlib takes its time
 
         loop_picture(run.motion, run.values, ranges, front, session.folder / PICTURE)
 

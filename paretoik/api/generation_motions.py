@@ -7,10 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from paretoik.arrays import Ids, Objectives
 from paretoik.formulations.protocol import decode
-from paretoik.front.compromise import score_shares
-from paretoik.review.recorded_point import RecordedPoint, record_motion
+from paretoik.front.marked_rows import marked_rows
+from paretoik.review.recording.recorded_point import RecordedPoint, record_motion
 from paretoik.search.ask_tell import Search
 from paretoik.search.endings import Progress
 
@@ -46,18 +45,17 @@ class GenerationMotions:
         """Return the points, with motions where these have changed and there was time to decode them."""
         if not len(progress.front):
             return ()
-        rows = marked_rows(progress.front, progress.ids)
+        marked = marked_rows(progress.front, progress.ids)
         signs = np.where(self._search.maximised, -1.0, 1.0)
-        axes = [*range(len(rows) - 1), None]
         points = tuple(
             RecordedPoint(id=int(progress.ids[row]), objectives=progress.front[row] * signs, axis=axis)
-            for row, axis in zip(rows, axes, strict=True)
+            for row, axis in marked
         )
         ids = [point.id for point in points]
         if not self._moves or ids == self._shown or not self._is_due(progress.generation):
             return points
         started = time.monotonic()
-        points = self._with_motions(points, rows)
+        points = self._with_motions(points, [row for row, _ in marked])
         self._spent += time.monotonic() - started
         self._shown, self._decoded = ids, self._decoded + 1
         self._next = progress.generation + 2 ** (self._decoded // OPTIONS.dense)
@@ -79,11 +77,3 @@ class GenerationMotions:
             replace(point, motion=record_motion(motions[int(i)], curves=False, samples=OPTIONS.samples))
             for point, i in zip(points, place, strict=True)
         )
-
-
-def marked_rows(front: Objectives, ids: Ids) -> list[int]:
-    """Return the rows of the best of every objective, minimised, and of the compromise; of equal ones the lowest id."""
-    low, high = front.min(axis=0), front.max(axis=0)
-    shares = (front - low) / np.where(high > low, high - low, 1.0)
-    ends = front.T if front.shape[1] > 1 else ()
-    return [int(np.lexsort((ids, values))[0]) for values in (*ends, score_shares(shares))]

@@ -12,8 +12,8 @@ from paretoik.arrays import Genes, Points
 from paretoik.errors import InvalidInput
 from paretoik.formulations.protocol import Differentiable, encode
 from paretoik.front.front import Front
+from paretoik.front.indicators import ranges_of
 from paretoik.loading import fingerprint
-from paretoik.pareto.scalarisation import ranges_of
 from paretoik.pareto.warm_start import OPTIONS as WARM_STARTS
 from paretoik.pareto.warm_start import evaluate_points
 from paretoik.search.seeding import checked_genes

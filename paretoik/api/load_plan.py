@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -46,8 +47,16 @@ def load_plan(folder: str | Path, problem: Any = None) -> Plan:
                 strict=True,
             )
         ),
+        starts=_starts(run),
         levels=tuple((int(samples), int(optima)) for samples, optima in run["levels"]),
         provenance={
             key: value for key, value in run.items() if key not in ("format", "holds", "objective", "levels", "files")
         },
     )
+
+
+def _starts(run: Mapping[str, Any]) -> int:
+    """Return the number of starts that a run says its plan had."""
+    counts = run.get("counts")
+    starts = counts.get("starts") if isinstance(counts, Mapping) else None
+    return starts if isinstance(starts, int) else 0

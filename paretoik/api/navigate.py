@@ -9,9 +9,9 @@ from typing import Any
 
 from paretoik.api.load_front import load_front
 from paretoik.api.run_session import verb_session
-from paretoik.execution.run_folder import claim_folder, lock_folder
+from paretoik.execution.run_folder import check_other_folder, claim_folder, lock_folder
 from paretoik.front.front import Choice, Front
-from paretoik.front.navigation import NAVIGATIONS
+from paretoik.front.provenance import NAVIGATIONS
 from paretoik.inputs import file_path
 from paretoik.run_files import CERTIFICATES, PICTURE
 
@@ -37,6 +37,8 @@ def navigate(
     Raises InvalidInput for a run or a folder that cannot be used, and as ``Front.navigate`` does.
     """
     folder = file_path("run", run)
+    if out is not None:
+        check_other_folder("out", file_path("out", out), folder)
     front = load_front(folder)
     with verb_session(False), _place(folder, out, overwrite) as place:
         moved = front.navigate(point, improve=improve, allow=allow, hold=hold, by=by, to=to)
@@ -76,10 +78,10 @@ def _beside(folder: Path, id: int) -> Path:
 def _draw(front: Front, folder: Path, place: Path) -> None:
     """Draw the pictures that the run had anew."""
     if (folder / PICTURE).exists():
-        from paretoik.review.plots import front_picture  # here: matplotlib takes its time
+        from paretoik.review.pictures.plots import front_picture  # here: matplotlib takes its time
 
         front_picture(front, place / PICTURE, front.navigated)
     if (folder / CERTIFICATES).exists():
-        from paretoik.review.certificate_plots import certificates_picture
+        from paretoik.review.pictures.certificate_plots import certificates_picture
 
         certificates_picture(front, place / CERTIFICATES)

@@ -51,8 +51,9 @@ def plan(
         "interior-point" for smooth objectives and limits, "sqp" (convex subproblems by Clarabel) for any; "auto" takes
         the first where it can.
     out
-        Folder to keep the run in: run.json, optima.parquet and motions.npz (``load_plan`` opens them), and
-        picture.png (not after a signal). ``overwrite`` allows it to replace a run that is there.
+        Folder to keep the run in: run.json, optima.parquet and motions.npz (``load_plan`` opens them), review.rrd with
+        every start, what it led to and the optima, and picture.png (not after a signal). ``overwrite`` allows it to
+        replace a run that is there.
     time_limit
         Seconds after which the search ends and keeps what it has.
     reference
@@ -104,7 +105,7 @@ def plan(
         display = PlanDisplay(session, problem)
         with session.computing(time_limit):
             plan = find_optima(starts=starts, seed=seed, initial=initial, solver=solver, observe=display.show_level)
-        counts = {"optima": len(plan.optima), "starts": display.starts, "seconds": round(session.seconds, 3)}
+        counts = {"optima": len(plan.optima), "starts": plan.starts, "seconds": round(session.seconds, 3)}
         ending = {"status": session.stopped_by or "optima", "counts": counts}
         plan = replace(plan, provenance={**session.provenance, **ending})
         (name,), (unit,), (maximised,) = problem.names, problem.units, problem.maximised

@@ -16,7 +16,17 @@ import numpy as np
 from paretoik.errors import InvalidRun
 from paretoik.front.joint_motions import StoredJoints, StoredMotions
 from paretoik.front.storage import array_bytes, motion_arrays, read_motions, read_verified
-from paretoik.run_files import MOTIONS, OPTIMA, RUN, check_digest, read_run, replace_file, run_bytes, to_json
+from paretoik.run_files import (
+    MOTIONS,
+    OPTIMA,
+    RUN,
+    check_digest,
+    former_note,
+    read_run,
+    replace_file,
+    run_bytes,
+    to_json,
+)
 from paretoik.trajectory.plan import Plan
 
 HOLDS = "the optima of a plan, which load_plan opens"
@@ -45,7 +55,8 @@ def read_plan(folder: Path) -> tuple[dict[str, Any], dict[str, list[Any]], Store
     run = read_run(folder / RUN)
     if run.get("holds") != HOLDS:
         status = f" of status {run.get('status')!r}"
-        raise InvalidRun(f"{folder}: wanted a run with a plan, got one{'' if 'files' in run else status} without")
+        note = former_note(folder)
+        raise InvalidRun(f"{folder}: wanted a run with a plan, got one{'' if 'files' in run else status} without{note}")
     check_digest(folder / RUN, run)
     files, objective, levels = run.get("files"), run.get("objective"), run.get("levels")
     if not (isinstance(files, dict) and files.keys() == {OPTIMA, MOTIONS} and _are_counts(levels)):

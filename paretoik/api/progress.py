@@ -11,7 +11,7 @@ from typing import TypeAlias
 from paretoik.api.time_left import time_left
 from paretoik.compilation_notices import observe_compilation
 from paretoik.inputs import check_function
-from paretoik.review.recorder import Generation
+from paretoik.review.recording.recorder import Generation
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -84,13 +84,13 @@ def progress_text(progress: RunProgress, time_limit: float | None = None) -> str
         remaining = progress.seconds / max(progress.done, 1) * (progress.total - progress.done)
         if time_limit is not None:
             remaining = min(remaining, max(time_limit - progress.seconds, 0.0))
-        left = f"at most {_minutes(remaining)} left"
+        duration = f"at most {_minutes(remaining)} left"
     elif progress.remaining is None:
-        left = f"{_minutes(progress.seconds)} so far"
+        duration = f"{_minutes(progress.seconds)} so far"
     else:
-        left = f"about {_minutes(progress.remaining)} left"
+        duration = f"about {_minutes(progress.remaining)} left"
     parts = [f"{progress.stage} {progress.done}/{progress.total}", progress.summary]
-    return ", ".join([*filter(None, parts), left, *([f"then {progress.then}"] if progress.then else [])])
+    return ", ".join([*filter(None, parts), duration, *([f"then {progress.then}"] if progress.then else [])])
 
 
 def _minutes(seconds: float) -> str:

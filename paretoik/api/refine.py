@@ -19,17 +19,18 @@ from paretoik.api.run_session import Subject, run_session, verb_session
 from paretoik.api.time_left import OPTIONS as TIME_LEFT
 from paretoik.arrays import Genes, Ids, Points
 from paretoik.errors import InvalidInput
+from paretoik.execution.run_folder import check_other_folder
 from paretoik.execution.time_limit import check_time_limit
 from paretoik.formulations.protocol import Differentiable
 from paretoik.formulations.requirements import require_program
 from paretoik.front.front import Front
-from paretoik.inputs import check_flag
+from paretoik.front.indicators import ranges_of
+from paretoik.inputs import check_flag, file_path
 from paretoik.loading import fingerprint
 from paretoik.nlp.minimise import check_solver
 from paretoik.nlp.program import Solver
 from paretoik.pareto.improver import OPTIONS, suggest_points
 from paretoik.pareto.refine import refine as refine_points
-from paretoik.pareto.scalarisation import ranges_of
 from paretoik.search.ask_tell import Search
 from paretoik.search.endings import Progress
 
@@ -88,6 +89,8 @@ def refine(
     check_solver(formulation.program(), solver)
     check_time_limit(time_limit)
     check_flag("overwrite", overwrite)
+    if out is not None:
+        check_other_folder("out", file_path("out", out), front.folder)
     reference = front.provenance.get("problem") if reference is None else reference
     with run_session(
         Subject.of(problem, reference),

@@ -6,16 +6,16 @@ from typing import Any
 
 import numpy as np
 
-from paretoik.api.generation_motions import marked_rows
-from paretoik.api.hypervolume_curve import HypervolumeCurve
 from paretoik.api.run_session import RunSession
 from paretoik.arrays import Objectives
 from paretoik.front.front import Front
-from paretoik.pareto.scalarisation import RELATIVE_ROUNDING, ranges_of
-from paretoik.review.recorded_end import front_point
-from paretoik.review.recorded_point import RecordedPoint
-from paretoik.review.recorder import Generation
-from paretoik.review.workcell import workcell_of
+from paretoik.front.hypervolume_curve import HypervolumeCurve
+from paretoik.front.indicators import RELATIVE_ROUNDING, ranges_of
+from paretoik.front.marked_rows import marked_rows
+from paretoik.review.recording.recorded_end import front_point
+from paretoik.review.recording.recorded_point import RecordedPoint
+from paretoik.review.recording.recorder import Generation
+from paretoik.review.recording.workcell import workcell_of
 
 
 class RefinementDisplay:
@@ -56,10 +56,7 @@ def _marked(front: Front) -> tuple[RecordedPoint, ...]:
     """Return the best point of every objective and the compromise, with their motions."""
     if not len(front):
         return ()
-    rows = marked_rows(front.minimised, front.ids)
-    return tuple(
-        front_point(front, row, axis=axis) for row, axis in zip(rows, [*range(len(rows) - 1), None], strict=True)
-    )
+    return tuple(front_point(front, row, axis=axis) for row, axis in marked_rows(front.minimised, front.ids))
 
 
 def improved_points(before: Front, after: Front) -> int:

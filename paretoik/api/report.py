@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,47 +13,45 @@ from paretoik.errors import InvalidInput, InvalidRun
 from paretoik.formulations.protocol import is_loop
 from paretoik.front.front import Front
 from paretoik.front.joint_motions import StoredMotions
-from paretoik.inputs import file_path
+from paretoik.front.reason import list_words
+from paretoik.inputs import check_flag, file_path
 from paretoik.review.limits_between import describe_limits_between
-from paretoik.review.report import Report, Steps
-from paretoik.run_files import REPORT, STEPS
+from paretoik.review.report.report import Report, Steps
+from paretoik.run_files import PAGE_MARK, REPORT, STEPS, check_target
 
 STEP_PARTS = ("chosen", "best", "worst")  # columns of a closed loop's table of steps
 
 
-def report(front: Front | Path | str, file: Path | str | None = None) -> Path:
+def report(front: Front | Path | str, file: Path | str | None = None, *, overwrite: bool = False) -> Path:
     """Write a report of ``front``, or of the run in a folder, into ``file``, and return where it is.
 
     One HTML page of at most 5 MB that loads nothing: the front with ids, every point's motion as far as there is room,
-    certificates, exchange rates, choices, settings and versions. A run's goes into its folder where no file is named.
+    certificates, exchange rates, choices, settings and versions, of a closed loop its steps. Where no file is named it
+    goes into the folder of the run, also that of a front that was loaded from one or saved into one. Another report
+    there is replaced, any other file with ``overwrite`` only.
 
-    Raises InvalidInput where a front comes without a file, or the file cannot be written; InvalidRun for a folder that
-    holds no run, or a damaged one.
+    Raises InvalidInput where a front without a folder comes without a file, or the file cannot be written; InvalidRun
+    for a folder that holds no run, or a damaged one.
     """
-    folder = None if isinstance(front, Front) else file_path("folder", front)
-    if isinstance(front, Front):
-        if file is None:
-            raise InvalidInput("report: wanted a file to write into, got none, and a front has no folder")
+    if not isinstance(front, Front):
+        front = load_front(file_path("folder", front))
+    if file is not None:
         place = file_path("file", file)
+    elif front.folder is not None:
+        place = front.folder / REPORT
     else:
-        assert folder is not None
-        front = load_front(folder)
-        place = folder / REPORT if file is None else file_path("file", file)
-    if place.is_dir():
-        raise InvalidInput(f"report: wanted a file to write into, got the folder {place}")
-    steps = _steps(front, folder)
+        raise InvalidInput("report: wanted a file to write into, got none, and a front that has no folder")
+    check_flag("overwrite", overwrite)
+    check_target("report", place, overwrite=overwrite, mark=PAGE_MARK)
+    steps = _steps(front, front.folder)
     Report(front=front, title=_title(front), choices=front.choices, notes=_notes(front), steps=steps).write(place)
     return place
 
 
 def _title(front: Front) -> str:
     if is_loop(front):
-        return f"A closed loop by {_listed(front.names)}"
-    return f"The front of {_listed(front.names)}" if len(front.names) > 1 else f"The optimum of {front.names[0]}"
-
-
-def _listed(names: Sequence[str]) -> str:
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+        return f"A closed loop by {list_words(front.names)}"
+    return f"The front of {list_words(front.names)}" if len(front.names) > 1 else f"The optimum of {front.names[0]}"
 
 
 def _notes(front: Front) -> list[str]:
@@ -65,7 +62,7 @@ def _notes(front: Front) -> list[str]:
     if isinstance(front.motions, StoredMotions):
         notes.append(
             "Of motions there are joint positions alone, as the problem is not at hand: "
-            "pk.report(pk.load_front(folder, problem), file) shows the rest."
+            "pk.report(pk.load_front(folder, problem)) shows the rest."
         )
     return [note for note in (*notes, gap_text(front), describe_limits_between(front)) if note]
 

@@ -7,8 +7,9 @@ from pathlib import Path as FilePath
 
 from paretoik.api.progress import Observer
 from paretoik.api.resolution_run import motion_ending, resolution_settings, resolution_subject, save_resolution
-from paretoik.api.review_resolution import review_resolution
+from paretoik.api.review_resolution import record_motions, review_resolution, start_recording
 from paretoik.api.run_session import run_session
+from paretoik.errors import Infeasible
 from paretoik.inputs import check_flag
 from paretoik.resolution.follow import TRACKING_TOLERANCE
 from paretoik.resolution.method import Method
@@ -65,9 +66,9 @@ def resolve(
     seed
         Of the postures that the default start is chosen from.
     out
-        Folder to keep the run in: run.json, motions.npz, traces.npz with everything in ``traces``, and picture.png with
-        the arm beside the path that it was to follow, and with what the method did. ``overwrite`` allows it to replace
-        a run that is there.
+        Folder to keep the run in: run.json, motions.npz, traces.npz with everything in ``traces``, review.rrd, in which
+        the arm moves beside what the method does, and picture.png. Where the path is lost the recording shows how far
+        the arm came. ``overwrite`` allows it to replace a run that is there.
     observe
         Called with a ``RunProgress`` while something is compiled or saved; as for ``plan``.
 
@@ -120,7 +121,15 @@ def resolve(
         observe=observe,
         catch_signals=False,  # a motion is whole or none
     ) as session:
-        motion = resolve_motion(resolution)
+        start_recording(resolution, session)
+        try:
+            motion = resolve_motion(resolution)
+        except Infeasible as lost:
+            if isinstance(lost.motion, ResolvedMotion):  # which shows where the path was lost
+                record_motions(
+                    lost.motion, {**session.provenance, "status": "the path is lost", "reason": str(lost)}, session
+                )
+            raise
         provenance = {**session.provenance, **motion_ending(motion, session.seconds)}
         session.keep(lambda folder: save_resolution(motion, provenance, folder))
         review_resolution(motion, resolution, session)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from paretoik.api.run_session import RunSession
 from paretoik.front.compromise import compromise
 from paretoik.front.front import Front
-from paretoik.review.recorder import SearchEnd
+from paretoik.review.recording.recorder import SearchEnd
 from paretoik.run_files import CERTIFICATES, PICTURE
 
 
@@ -16,10 +16,10 @@ def review_front(front: Front, session: RunSession) -> None:
     session.finish_recording(SearchEnd(front=front, choice=compromise(front)))
     if session.signal is not None:
         return
-    from paretoik.review.plots import front_picture  # here: matplotlib takes its time
+    from paretoik.review.pictures.plots import front_picture  # here: matplotlib takes its time
 
     front_picture(front, session.folder / PICTURE)
     if front.certificates is not None:
-        from paretoik.review.certificate_plots import certificates_picture
+        from paretoik.review.pictures.certificate_plots import certificates_picture
 
         certificates_picture(front, session.folder / CERTIFICATES)

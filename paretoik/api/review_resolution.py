@@ -1,18 +1,47 @@
-"""What the folder of a resolved motion shows: a picture."""
+"""What the folder of a resolved motion shows: a recording, and a picture."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
 
 from paretoik.api.run_session import RunSession
 from paretoik.resolution.resolve import Resolution
 from paretoik.resolution.traces import ResolvedMotion
+from paretoik.review.recording.resolved import ResolutionEnd, ResolvedScene, record_traces
+from paretoik.review.recording.workcell import workcell_of
 from paretoik.run_files import DRAWING
 
 
+def start_recording(resolution: Resolution, session: RunSession) -> None:
+    """Start the recording of what is to be resolved."""
+    cell = workcell_of(resolution)
+    assert cell is not None
+    oriented = any(each.has_orientation for each in resolution.task.tasks)
+    scene = ResolvedScene(
+        workcell=cell,
+        method=type(resolution.method).__name__,
+        criteria=tuple(each.objective.name for each in resolution.criteria),
+        tolerance=float(resolution.tolerance),
+        error_unit="m or rad" if oriented else "m",
+        min_clearance=float(resolution.task.min_clearance),
+    )
+    session.start_recording(scene)
+
+
+def record_motions(motion: ResolvedMotion, provenance: Mapping[str, Any], session: RunSession) -> None:
+    """Complete the recording with motions."""
+    if session.recorder is not None:
+        motions, count = record_traces(motion)
+        session.finish_recording(ResolutionEnd(motions=motions, count=count, provenance=provenance))
+
+
 def review_resolution(motion: ResolvedMotion, resolution: Resolution, session: RunSession) -> None:
-    """Draw the first of the motions."""
+    """Complete the recording, and draw the first of the motions."""
     if session.folder is None:
         return
-    from paretoik.review.resolution_picture import resolution_picture  # here: matplotlib takes its time
+    record_motions(motion, {**session.provenance, "status": "resolved"}, session)
+    from paretoik.review.pictures.resolution_picture import resolution_picture  # here: matplotlib takes its time
 
     while motion.q.ndim > 2:
         motion = motion[0]

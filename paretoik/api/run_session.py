@@ -21,8 +21,8 @@ from paretoik.formulations.protocol import Timeline
 from paretoik.front.front import Front
 from paretoik.inputs import check_flag, file_path
 from paretoik.loading import fingerprint
-from paretoik.review.recorder import Recorder, SearchedFront
-from paretoik.review.workcell import Workcell
+from paretoik.review.recording.recorder import Recorder, Scene, SearchedFront
+from paretoik.review.recording.workcell import Workcell
 from paretoik.run_files import RECORDING, write_run
 from paretoik.stop_flag import STOP, Interrupted
 
@@ -115,19 +115,24 @@ class RunSession(VerbSession):
         workcell: Workcell | None = None,
     ) -> None:
         """Start, where the run has a folder, the recording of objectives along generations or steps."""
+        scene = SearchedFront(
+            names=tuple(names),
+            units=tuple(units),
+            maximised=tuple(maximised),
+            timeline=timeline,
+            workcell=workcell,
+        )
+        self.start_recording(scene)
+
+    def start_recording(self, scene: Scene) -> None:
+        """Start, where the run has a folder, the recording of a scene."""
         if self.folder is not None:
-            self.recorder = Recorder(
-                self.folder / RECORDING,
-                title=self.title,
-                scene=SearchedFront(
-                    names=tuple(names),
-                    units=tuple(units),
-                    maximised=tuple(maximised),
-                    timeline=timeline,
-                    workcell=workcell,
-                ),
-                live=self.live,
-            )
+            self.recorder = Recorder(self.folder / RECORDING, title=self.title, scene=scene, live=self.live)
+
+    def record(self, message: Any) -> None:
+        """Add a message to the recording, if there is one."""
+        if self.recorder is not None:
+            self.recorder.record(message)
 
     @property
     def is_watched(self) -> bool:

@@ -19,22 +19,22 @@ def status_text(front: Front) -> str:
     """Return what a verb came to in what time, and what ended it if that came early."""
     provenance = front.provenance
     counts, status = provenance["counts"], provenance["status"]
-    taken = f"{counts['seconds']:.1f} s"
+    duration = f"{counts['seconds']:.1f} s"
     if is_loop(front):
-        return f"{counts['steps']} of {counts['of']} steps in {taken} (ended by {status})"
+        return f"{counts['steps']} of {counts['of']} steps in {duration} (ended by {status})"
     points = "1 point" if len(front) == 1 else f"{len(front)} points"
     match provenance.get("verb", "solve"):
         case "epsilon_front":
-            return f"{points} after {counts['levels']} levels of ε and {taken}{_stopped(status, 'epsilon')}"
+            return f"{points} after {counts['levels']} levels of ε and {duration}{_stopped(status, 'epsilon')}"
         case "refine":
             return (
                 f"{len(front)} of {counts['points']} points, {counts['converged']} converged and {counts['improved']} "
-                f"improved, after {taken}{_stopped(status, 'refined')}"
+                f"improved, after {duration}{_stopped(status, 'refined')}"
             )
         case _:
             return (
-                f"{points} after {counts['generations']} generations, {counts['evaluations']} evaluations and {taken} "
-                f"(ended by {status})"
+                f"{points} after {counts['generations']} generations, {counts['evaluations']} evaluations and "
+                f"{duration} (ended by {status})"
             )
 
 
@@ -49,7 +49,10 @@ def plan_text(plan: Plan, name: str, unit: str, out: Path) -> str:
     rows = [("optimum", f"{name} [{unit}]" if unit else name, "branch", "status", "limits between samples")]
     for rank, each in enumerate(plan.optima):
         rows.append((str(rank), f"{each.objective:.6g}", each.label, each.status, _kept(each.violation_between)))
-    return "\n".join([*lines, columns(rows), f"pictured in {out / DRAWING}"])
+    lines.append(columns(rows))
+    if (out / DRAWING).exists():  # not after a signal
+        lines.append(f"pictured in {out / DRAWING}")
+    return "\n".join(lines)
 
 
 def optima_entries(plan: Plan) -> list[dict[str, Any]]:

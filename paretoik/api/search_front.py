@@ -10,7 +10,6 @@ import numpy as np
 
 from paretoik.api.completion import complete_front
 from paretoik.api.generation_motions import GenerationMotions
-from paretoik.api.hypervolume_curve import HypervolumeCurve
 from paretoik.api.initial import exact_points, initial_genes, merge_front
 from paretoik.api.progress import RunProgress
 from paretoik.api.refine import SearchImprover
@@ -21,10 +20,11 @@ from paretoik.errors import Infeasible, InvalidInput, check_size
 from paretoik.formulations.protocol import decode, explain_violation, has_branches
 from paretoik.formulations.requirements import check_formulation, require_program
 from paretoik.front.front import Front
+from paretoik.front.hypervolume_curve import HypervolumeCurve
 from paretoik.inputs import real_array
 from paretoik.nlp.minimise import check_solver
-from paretoik.review.recorder import Generation
-from paretoik.review.workcell import workcell_of
+from paretoik.review.recording.recorder import Generation
+from paretoik.review.recording.workcell import workcell_of
 from paretoik.search.ask_tell import Search
 from paretoik.search.endings import Ending, Evaluations, Generations, Progress, Stagnation, Target, TimeLimit
 from paretoik.search.evolution import evolve
@@ -68,7 +68,7 @@ class FrontSearch:
         self.improver = SearchImprover(self.search, settings.solver) if settings.refine else None
         self.endings = _endings(self.search, settings, self.generations, anchors)
         self._solve_settings = settings
-        self._known = exact_points(problem, settings.initial)
+        self._initial_points = exact_points(problem, settings.initial)
         self._motions = GenerationMotions(self.search)
         self._hypervolume = HypervolumeCurve()
         self.settings = {
@@ -121,8 +121,8 @@ class FrontSearch:
         observe = partial(self._show, session)
         status = evolve(search, [*self.endings, _Signal(session)], observe=observe, improve=self.improver)
         front = search.front_of(self._solve_settings.points)
-        if self._known is not None:
-            front = merge_front(front, require_program("solve", self.problem), self._known, search.evaluations)
+        if self._initial_points is not None:
+            front = merge_front(front, require_program("solve", self.problem), self._initial_points, search.evaluations)
         status = session.signal or status
         if not len(front):
             raise Interrupted if session.signal else _infeasible(search)

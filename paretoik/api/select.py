@@ -9,10 +9,12 @@ from pathlib import Path
 from paretoik.api.progress import Observer
 from paretoik.api.solve import solve
 from paretoik.errors import InvalidInput
+from paretoik.execution.run_folder import check_other_folder
 from paretoik.formulations.protocol import is_loop, reweigh
 from paretoik.front.choices import keep_choice
 from paretoik.front.front import Choice, Front, Preference
 from paretoik.front.preferences.requests import as_preference
+from paretoik.inputs import file_path
 
 
 def select(
@@ -42,6 +44,8 @@ def select(
         if out is not None:
             raise InvalidInput("out: wants a closed loop and other weights than its own, to keep a new run in")
         return front, front.select(preference)
+    if out is not None:
+        check_other_folder("out", file_path("out", out), front.folder)
     current = front.choices.current  # before the run, should its file be damaged
     reference = front.provenance.get("problem")
     selected = solve(problem, out=out, overwrite=overwrite, reference=reference, observe=observe)

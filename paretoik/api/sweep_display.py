@@ -7,17 +7,17 @@ import time
 import numpy as np
 
 from paretoik.api.certificate_time import seconds_per_certificate
-from paretoik.api.generation_motions import marked_rows
-from paretoik.api.hypervolume_curve import HypervolumeCurve
 from paretoik.api.progress import RunProgress, count_observer
 from paretoik.api.run_session import RunSession
 from paretoik.api.time_left import sweep_time_left
 from paretoik.formulations.protocol import Differentiable
 from paretoik.front.front import Front
-from paretoik.pareto.scalarisation import ranges_of
+from paretoik.front.hypervolume_curve import HypervolumeCurve
+from paretoik.front.indicators import ranges_of
+from paretoik.front.marked_rows import marked_rows
 from paretoik.pareto.sweep import SweepProgress
-from paretoik.review.recorded_point import RecordedPoint, record_motion
-from paretoik.review.recorder import Generation
+from paretoik.review.recording.recorded_point import RecordedPoint, record_motion
+from paretoik.review.recording.recorder import Generation
 
 
 class SweepDisplay:
@@ -78,7 +78,8 @@ class SweepDisplay:
     def _marked(self, progress: SweepProgress) -> tuple[RecordedPoint, ...]:
         """Return the best point of every objective and the compromise, with their motions."""
         front = progress.objectives[progress.front]
-        rows = marked_rows(front, progress.front)
+        marked = marked_rows(front, progress.front)
+        rows = [row for row, _ in marked]
         motions = self._formulation.individuals(progress.x[progress.front[rows]]).motions
         return tuple(
             RecordedPoint(
@@ -87,7 +88,7 @@ class SweepDisplay:
                 axis=axis,
                 motion=None if motions is None else record_motion(motions[place], curves=False),
             )
-            for place, (row, axis) in enumerate(zip(rows, [*range(len(rows) - 1), None], strict=True))
+            for place, (row, axis) in enumerate(marked)
         )
 
     def _show(self, progress: SweepProgress, *, is_news: bool) -> None:
@@ -106,7 +107,7 @@ class SweepDisplay:
             )
             self._steps += 1
         seconds = time.monotonic() - self._started
-        left = sweep_time_left(
+        remaining = sweep_time_left(
             progress.done, progress.total, seconds, before=self._before, later=self.seconds_per_certificate
         )
         self._session.show(
@@ -115,7 +116,7 @@ class SweepDisplay:
                 done=progress.done,
                 total=progress.total,
                 seconds=seconds,
-                remaining=left,
+                remaining=remaining,
                 summary=self._hypervolume.summary(self._steps - 1),
                 generation=generation,
             )

@@ -11,7 +11,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.arrays import Joints
+from paretoik.arrays import Joints, read_only
 from paretoik.capability.compiled import actuators
 from paretoik.errors import InvalidInput
 
@@ -94,5 +94,4 @@ def _positive(name: str, value: object) -> Float[np.ndarray, " dof"]:
         numbers = np.empty(0)
     if numbers.ndim != 1 or not len(numbers) or not np.all(numbers > 0) or np.iscomplexobj(np.asarray(value)):
         raise InvalidInput(f"motor curve: {name} wants positive numbers, one a joint, got {value!r}")
-    numbers.setflags(write=False)
-    return numbers
+    return read_only(numbers)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from paretoik.arrays import read_only
 from paretoik.errors import InvalidInput
 from paretoik.inputs import finite_array
 
@@ -37,8 +38,7 @@ def broadcast(name: str, value: object, shape: tuple[int, ...]) -> np.ndarray:
         array = np.broadcast_to(numbers, shape).copy()
     except ValueError:
         raise InvalidInput(f"distributed actuation: {name} wants shape {shape}, got {numbers.shape}") from None
-    array.setflags(write=False)
-    return array
+    return read_only(array)
 
 
 def check_geometry(

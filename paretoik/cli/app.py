@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import sys
 import warnings
-from signal import SIGINT
-from typing import Annotated
+from signal import SIGTERM
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from paretoik.cli.check_robot import check_robot
 from paretoik.cli.compare import compare
-from paretoik.cli.console import print_message, print_what_is_printable
+from paretoik.cli.console import NO_RESULT, print_message, print_what_is_printable
 from paretoik.cli.export import export
 from paretoik.cli.front import front
 from paretoik.cli.list_problems import list_problems
@@ -24,13 +25,29 @@ from paretoik.cli.show import show
 from paretoik.cli.solve import solve
 from paretoik.errors import ParetoikError
 
+
+class Commands(TyperGroup):
+    """The sub-commands; a signal that comes before there is anything to keep is a line and an exit code."""
+
+    def invoke(self, ctx: Any) -> object:
+        """Run a sub-command."""
+        try:
+            return super().invoke(ctx)
+        except (KeyboardInterrupt, SystemExit) as end:
+            if isinstance(end, SystemExit) and end.code != 128 + SIGTERM:
+                raise
+            print_message("error:", "bold red", "interrupted before there was a whole result")
+            sys.exit(NO_RESULT)
+
+
 app = typer.Typer(
+    cls=Commands,
     add_completion=False,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     help="The whole Pareto front of joint motions for a redundant arm.",
     epilog="Exit codes: 0 done, 2 bad input, 3 infeasible, 4 all evaluations failed or no solver had a solution, "
-    "5 stopped by a limit and 130 or 143 interrupted, with the result kept.",
+    "5 stopped by a limit and 130 or 143 interrupted, with the result kept, 6 interrupted before there was one.",
 )
 app.command("list")(list_problems)
 app.command()(solve)
@@ -56,8 +73,6 @@ def main() -> None:
         except ParetoikError as error:
             print_message("error:", "bold red", str(error))
             sys.exit(error.exit_code)
-        except KeyboardInterrupt:  # before there was anything to keep
-            sys.exit(128 + SIGINT)
 
 
 def _print_version(requested: bool) -> bool:

@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from paretoik.cli.console import JsonFlag, print_json
+from paretoik.run_files import PICTURE_MARK, check_target
 
 
 def compare(
@@ -22,22 +23,28 @@ def compare(
     merge: Annotated[
         Path | None, typer.Option(help="Keep what no point of any run dominates as a run here.", show_default=False)
     ] = None,
-    overwrite: Annotated[bool, typer.Option(help="Replace a run that is in the folder of --merge.")] = False,
+    overwrite: Annotated[
+        bool, typer.Option(help="Replace a run in the folder of --merge, or a file that is no picture of ours.")
+    ] = False,
     as_json: JsonFlag = False,
 ) -> None:
     """Compare the fronts of runs: hypervolume, coverage, additive epsilon, and the settings that differ."""
     with redirect_stdout(sys.stderr):
         from paretoik.api.compare import compare as compare_fronts
-        from paretoik.execution.run_folder import claim_folder
+        from paretoik.execution.run_folder import check_other_folder, claim_folder
         from paretoik.front.comparison_text import comparison_entries
 
+        if picture is not None:
+            check_target("picture", picture, overwrite=overwrite, mark=PICTURE_MARK)
+        if merge is not None:
+            check_other_folder("merge", merge, *runs)
         comparison = compare_fronts(*runs, labels=None if labels is None else labels.split(","))
         if merge is not None:
             merged = comparison.merged
             with claim_folder(merge, overwrite=overwrite) as folder:
                 merged.save(folder)
         if picture is not None:
-            from paretoik.review.comparison_plots import comparison_picture
+            from paretoik.review.pictures.comparison_plots import comparison_picture
 
             comparison_picture(comparison, picture)
     if as_json:

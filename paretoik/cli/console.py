@@ -21,6 +21,7 @@ JsonFlag = Annotated[bool, typer.Option("--json", help="Print the result as JSON
 QuietFlag = Annotated[bool, typer.Option("--quiet", help="No progress.")]
 RunFolder = Annotated[Path, typer.Argument(help="Folder of a finished run.", show_default=False)]
 PLAIN = str.maketrans("−–×·", "--x*")  # what no decomposition leads to
+NO_RESULT = 6  # the exit code of what was interrupted before there was a result
 EXIT_CODES = {"time limit": 5, "SIGINT": 130, "interrupted": 130, "SIGTERM": 143}
 
 

@@ -28,7 +28,10 @@ def export(
         Literal["csv", "parquet", "npz", "joint-trajectory", "ros2-bag"] | None,
         typer.Option(help="What to write: the ending of --out, or else csv.", show_default=False),
     ] = None,
-    rate: Annotated[float | None, typer.Option(help="Samples a second (the controller's).", show_default=False)] = None,
+    rate: Annotated[
+        float | None,
+        typer.Option(help="Samples a second (the controller's; else as many as the motion has).", show_default=False),
+    ] = None,
     controller: Annotated[
         str | None,
         typer.Option(
@@ -106,4 +109,9 @@ def _text(trajectory: JointTrajectory, place: Path) -> str:
     else:
         uses = ", ".join(f"{kind} {100 * use:.3g} %" for kind, use in made["use of limits"].items())
         lines.append(f"within the limits of {made['controller']}, of which it uses: {uses}")
+        if made["rate"] < made["controller rate"]:
+            lines.append(
+                f"that is the motion at the controller's {made['controller rate']:g} Hz; how it interpolates between "
+                f"these samples at {made['rate']:g} Hz is not checked"
+            )
     return "\n".join(lines)

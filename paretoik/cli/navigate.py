@@ -35,7 +35,7 @@ def navigate(
     """
     with redirect_stdout(sys.stderr):  # a user's functions may print, and stdout is for the result
         from paretoik.api.navigate import navigate as move
-        from paretoik.front.navigation import NAVIGATIONS
+        from paretoik.front.provenance import NAVIGATIONS
 
         front, choice, place = move(
             run, point, improve=improve, allow=allow, hold=hold or (), by=by, to=to, out=out, overwrite=overwrite

@@ -21,4 +21,4 @@ SolverOption = Annotated[
 TimeLimit = Annotated[
     float | None, typer.Option(help="Stop after so many seconds and keep the result.", show_default=False)
 ]
-Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace a run that is in the folder.")]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace a run in the folder, once there is a result.")]

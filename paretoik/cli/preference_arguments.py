@@ -17,23 +17,30 @@ from paretoik.front.preferences.point import Point
 CLASSES = "improve, improve:VALUE, keep, relax:VALUE or free"
 
 
-def read_preference(wishes: Mapping[str, Any], *, uncertainty: float, start: int | None, run: Path) -> Preference:
-    """Return the preference that options, by name, ask for; what was not given is None or False.
+BELONGS_TO = {"uncertainty": "robust", "from": "classify"}
+
+
+def read_preference(wishes: Mapping[str, Any], *, run: Path) -> Preference:
+    """Return the preference that the given options, by name, ask for.
 
     ``bounds`` may stand beside another, which then decides within them; ``uncertainty`` is that of ``robust``,
-    ``start`` the point that ``classify`` starts from. Raises InvalidInput unless there is one wish.
+    ``from`` the point that ``classify`` starts from. Raises InvalidInput unless there is one wish.
     """
+    accuracy = {"uncertainty": wishes["uncertainty"]} if "uncertainty" in wishes else {}
     options: dict[str, Callable[[Any], Preference]] = {
         "weights": lambda text: Weights(parse_numbers("weights", text)),
         "knee": lambda _: Knee(),
         "compromise": lambda _: Compromise(),
         "aspiration": lambda text: Aspiration(parse_numbers("aspiration", text)),
         "lexicographic": parse_lexicographic,
-        "robust": lambda text: Robust(parse_numbers("robust", text), uncertainty=uncertainty),
-        "classify": lambda text: parse_classes(text, start, run),
+        "robust": lambda text: Robust(parse_numbers("robust", text), **accuracy),
+        "classify": lambda text: parse_classes(text, wishes.get("from"), run),
         "point": Point,
     }
-    chosen, bounds = [name for name in options if wishes[name] not in (None, False)], wishes["bounds"]
+    for name, owner in BELONGS_TO.items():
+        if name in wishes and owner not in wishes:
+            raise InvalidInput(f"{name}: wanted it beside --{owner} alone, got no --{owner}")
+    chosen, bounds = [name for name in options if name in wishes], wishes.get("bounds")
     if len(chosen) > 1 or not (chosen or bounds):
         names = ", ".join(f"--{name}" for name in options)
         got = " and ".join(f"--{name}" for name in chosen) or "none"

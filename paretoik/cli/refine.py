@@ -30,8 +30,6 @@ def refine(
     with redirect_stdout(sys.stderr), open_observer(not quiet, time_limit=time_limit) as observe:
         from paretoik.api.refine import refine as refine_front
 
-        if run.resolve() == out.resolve():
-            raise InvalidInput(f"out: wants another folder than the run that is refined, got {out}")
         result = refine_front(
             _open(run),
             solver=solver,

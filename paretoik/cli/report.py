@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from paretoik.cli.console import RunFolder
+from paretoik.cli.console import JsonFlag, RunFolder, print_json
 
 
 def report(
@@ -17,10 +17,15 @@ def report(
     out: Annotated[
         Path | None, typer.Option(help="HTML file to write; report.html in the run's folder.", show_default=False)
     ] = None,
+    overwrite: Annotated[bool, typer.Option(help="Replace a file that is no report.")] = False,
+    as_json: JsonFlag = False,
 ) -> None:
     """Write one HTML page about a run, which needs no network: the front, motions, certificates, choices, settings."""
     with redirect_stdout(sys.stderr):
         from paretoik.api.report import report as write_report
 
-        file = write_report(run, out)
-    print(file)
+        file = write_report(run, out, overwrite=overwrite)
+    if as_json:
+        print_json({"out": file})
+    else:
+        print(file)

@@ -14,6 +14,7 @@ import typer
 from paretoik.api.progress_display import open_observer
 from paretoik.cli.console import JsonFlag, QuietFlag, RunFolder, exit_code, print_json
 from paretoik.errors import InvalidInput
+from paretoik.run_files import PICTURE_MARK, check_target
 
 NUMBERS = "NAME=NUMBER,NAME=NUMBER"
 
@@ -24,7 +25,7 @@ def select(
         str | None, typer.Option(help="Least weighted sum; who is missing has 0.", metavar=NUMBERS)
     ] = None,
     knee: Annotated[
-        bool, typer.Option("--knee", help="The point from which any step costs more than it gains.")
+        bool, typer.Option("--knee", help="The point from which any step costs the most beside what it gains.")
     ] = False,
     compromise: Annotated[
         bool,
@@ -51,7 +52,9 @@ def select(
     robust: Annotated[
         str | None, typer.Option(help="Least regret where weights are not known exactly.", metavar=NUMBERS)
     ] = None,
-    uncertainty: Annotated[float, typer.Option(help="By what share the weights of --robust may be wrong.")] = 0.2,
+    uncertainty: Annotated[
+        float | None, typer.Option(help="By what share the weights of --robust may be wrong (0.2).")
+    ] = None,
     classify: Annotated[
         str | None,
         typer.Option(
@@ -67,7 +70,9 @@ def select(
     undo: Annotated[bool, typer.Option("--undo", help="Go back to the choice before the present one.")] = False,
     picture: Annotated[Path | None, typer.Option(help="Draw the front and the chosen motion into this PNG.")] = None,
     out: Annotated[Path | None, typer.Option(help="Of a closed loop: keep the new run in this folder.")] = None,
-    overwrite: Annotated[bool, typer.Option(help="Replace a run that is in that folder.")] = False,
+    overwrite: Annotated[
+        bool, typer.Option(help="Replace a run in that folder, or a file that is no picture of ours.")
+    ] = False,
     quiet: QuietFlag = False,
     as_json: JsonFlag = False,
 ) -> None:
@@ -75,7 +80,7 @@ def select(
 
     A closed loop is followed anew with other weights at every step.
     """
-    wishes = {
+    options = {
         "weights": weights,
         "knee": knee,
         "compromise": compromise,
@@ -85,22 +90,27 @@ def select(
         "classify": classify,
         "point": point,
         "bounds": bounds,
+        "uncertainty": uncertainty,
+        "from": start,
     }
+    wishes = {name: value for name, value in options.items() if value is not None and value is not False}
     if history or undo:
         _show_history(run, wishes, undo=undo, as_json=as_json)
         return
     with redirect_stdout(sys.stderr):
+        if picture is not None:
+            check_target("picture", picture, overwrite=overwrite, mark=PICTURE_MARK)
         from paretoik.api.load_front import load_front
         from paretoik.api.result_text import choice_entry, choice_text
         from paretoik.api.select import select as select_point
         from paretoik.cli.preference_arguments import read_preference
 
-        preference = read_preference(wishes, uncertainty=uncertainty, start=start, run=run)
+        preference = read_preference(wishes, run=run)
         front = load_front(run)
         with open_observer(not quiet) as observe:
             selected, choice = select_point(front, preference, out=out, overwrite=overwrite, observe=observe or False)
         if picture is not None:
-            from paretoik.review.plots import front_picture
+            from paretoik.review.pictures.plots import front_picture
 
             front_picture(selected, picture, choice)
     if as_json:
@@ -116,9 +126,8 @@ def _show_history(run: Path, wishes: Mapping[str, object], *, undo: bool, as_jso
     from paretoik.front.choices import go_back, read_choices
     from paretoik.run_files import RUN, read_run
 
-    chosen = [name for name, wish in wishes.items() if wish not in (None, False)]
-    if chosen:
-        raise InvalidInput(f"select: wanted --history and --undo without a preference, got --{chosen[0]} too")
+    if wishes:
+        raise InvalidInput(f"select: wanted --history and --undo without a preference, got --{next(iter(wishes))} too")
     read_run(run / RUN)
     choices = go_back(run) if undo else read_choices(run)
     if as_json:

@@ -10,7 +10,7 @@ import typer
 
 from paretoik.cli.console import RunFolder
 from paretoik.errors import InvalidInput
-from paretoik.run_files import RECORDING
+from paretoik.run_files import DRAWING, RECORDING, RUN, is_run, read_run
 
 
 def show(
@@ -29,10 +29,19 @@ def show(
     """
     recording = run / RECORDING
     if not recording.is_file():
-        raise InvalidInput(f"{recording}: wanted a recording, got nothing; solve with out= to make one")
+        raise InvalidInput(f"{recording}: wanted a recording, got {_contents(run)}")
     with tempfile.TemporaryDirectory(prefix="paretoik-show-") as folder:
         layer = Path(folder) / "choice.rrd"
         _open(recording, *_layers(run, recording, layer, point, compare))
+
+
+def _contents(run: Path) -> str:
+    """Return in words what a folder without a recording holds."""
+    holds = read_run(run / RUN).get("holds") if is_run(run / RUN) else None
+    if holds is None:
+        return "nothing; solve with out= to make one"
+    picture = f"; its picture is {run / DRAWING}" if (run / DRAWING).is_file() else ""
+    return f"a run that holds {holds}{picture}"
 
 
 def _layers(run: Path, recording: Path, layer: Path, point: int | None, compare: int | None) -> list[str]:
@@ -45,7 +54,7 @@ def _layers(run: Path, recording: Path, layer: Path, point: int | None, compare:
     from paretoik.formulations.protocol import is_loop
     from paretoik.front.choices import chosen
     from paretoik.front.compromise import compromise
-    from paretoik.review.choice_layer import write_choice_layer
+    from paretoik.review.drawing.choice_layer import write_choice_layer
 
     front = load_front(run)
     if is_loop(front):
@@ -59,7 +68,7 @@ def _layers(run: Path, recording: Path, layer: Path, point: int | None, compare:
 
 def _open(recording: Path, *layers: str) -> None:
     """Open files in the viewer and wait for it; raises InvalidInput where it does not start."""
-    from paretoik.review.viewer import run_viewer
+    from paretoik.review.recording.viewer import run_viewer
 
     viewer = run_viewer(str(recording), *layers)  # without a screen it ends with an error
     if viewer.returncode != 0:

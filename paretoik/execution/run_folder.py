@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import fcntl
 import os
-import shutil
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
 from paretoik.errors import InvalidInput
-from paretoik.run_files import CONTENTS, RUN, is_run
+from paretoik.execution.former_run import PART, set_aside, settle
+from paretoik.run_files import FORMER, RUN, is_run
 
 LOCK = ".lock"
 
@@ -20,8 +21,10 @@ LOCK = ".lock"
 def claim_folder(folder: Path | str, *, overwrite: bool = False) -> Iterator[Path]:
     """Make `folder` if need be and lock it against every other writer while the body runs.
 
-    A folder that holds a run is accepted with `overwrite` only, which removes that run's files and nothing else. The
-    lock is the kernel's: it ends with the process (and those forked from it), however that ends.
+    A folder that holds a run is accepted with `overwrite` only. That run's files, and nothing else, are removed once
+    the body ends, however it ends, with the result of a new run there; without one they are as they were. Of a process
+    that is killed meanwhile the next one that claims or locks the folder puts them back. The lock is the kernel's: it
+    ends with the process (and those forked from it), however that ends.
 
     Raises
     ------
@@ -30,43 +33,66 @@ def claim_folder(folder: Path | str, *, overwrite: bool = False) -> Iterator[Pat
         process is writing into it.
     """
     place = Path(folder)
-    try:
+    with _refusal(place):
         place.mkdir(parents=True, exist_ok=True)
-    except OSError as fault:
-        raise InvalidInput(f"{place}: wanted a folder to write a run into, got {fault.strerror}") from fault
     with lock_folder(place):
         if (place / RUN).exists() and not overwrite:
             raise InvalidInput(
                 f"{place}: wanted a new folder or permission to overwrite (--overwrite), got one that holds a run"
             )
-        _remove_run(place)
-        yield place
+        try:
+            with _refusal(place):
+                set_aside(place)
+            yield place
+        finally:
+            with _refusal(place):
+                settle(place)
 
 
 @contextmanager
 def lock_folder(place: Path) -> Iterator[Path]:
     """Lock a folder that is empty or holds a run against every other writer while the body runs.
 
-    Raises InvalidInput where that cannot be, or another process is writing into it.
+    Warns where it puts back a run that a killed process was to replace. Raises InvalidInput where the folder cannot be
+    locked, or another process is writing into it.
     """
-    try:
+    with _refusal(place):
         foreign = _foreign_entry(place)
         if foreign is not None:
             raise InvalidInput(f"{place}: wanted a new folder, an empty one or a run, got one that holds {foreign}")
         # Opened by hand because a link in its place must not be followed: its target would be emptied.
         lock = os.fdopen(os.open(place / LOCK, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666), "r+b")
-    except OSError as fault:
-        raise InvalidInput(f"{place}: wanted a folder to write a run into, got {fault.strerror}") from fault
     with lock:
         _lock(lock, place)
+        with _refusal(place):
+            restored = settle(place)
+        if restored:
+            text = f"{place}: the process that was to replace its run ended without a result; that run is back"
+            warnings.warn(text, RuntimeWarning, stacklevel=2)
         yield place
+
+
+@contextmanager
+def _refusal(place: Path) -> Iterator[None]:
+    """Raise InvalidInput where the system refuses what the body does in a folder."""
+    try:
+        yield
+    except OSError as fault:
+        raise InvalidInput(f"{place}: wanted a folder to write a run into, got {fault.strerror}") from fault
+
+
+def check_other_folder(name: str, folder: Path, *sources: Path | None) -> None:
+    """Raise InvalidInput, by ``name``, where a folder is that of a run that what goes into it comes from."""
+    if any(source is not None and source.resolve() == folder.resolve() for source in sources):
+        raise InvalidInput(f"{name}: wants another folder than that of the run that it comes from, got {folder}")
 
 
 def _foreign_entry(place: Path) -> str | None:
     """Return the name of an entry that makes `place` a folder that is not ours, None where it is empty or a run."""
     names = sorted(entry.name for entry in place.iterdir())
-    others = [name for name in names if not name.startswith((LOCK, f".{RUN}."))]
-    return None if not others or is_run(place / RUN) else others[0]
+    others = [name for name in names if not name.startswith((LOCK, f".{RUN}.", FORMER))]
+    ours = any(is_run(folder / RUN) for folder in (place, place / FORMER, place / PART))
+    return None if not others or ours else others[0]
 
 
 def _lock(lock: BinaryIO, place: Path) -> None:
@@ -81,12 +107,3 @@ def _lock(lock: BinaryIO, place: Path) -> None:
     lock.truncate(0)
     lock.write(str(os.getpid()).encode())
     lock.flush()
-
-
-def _remove_run(place: Path) -> None:
-    for name in CONTENTS:
-        for entry in (place / name, *place.glob(f".{name}.*")):
-            if entry.is_dir() and not entry.is_symlink():
-                shutil.rmtree(entry)
-            else:
-                entry.unlink(missing_ok=True)

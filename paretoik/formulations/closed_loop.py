@@ -12,18 +12,26 @@ from jaxtyping import Float
 
 from paretoik.closed_loop.control_step import HISTORY, ControlStep
 from paretoik.closed_loop.loop import StepRecord, required_standoff, step_bounds, take_steps
-from paretoik.closed_loop.objectives import StepObjective, as_step_objective, joint_displacement, position_error
+from paretoik.closed_loop.objectives import StepObjective, joint_displacement, position_error
 from paretoik.closed_loop.open_loop import search_start
 from paretoik.closed_loop.programs import StepPrograms, trace_step
 from paretoik.closed_loop.step_evolution import StepEvolution
 from paretoik.errors import InvalidInput, check_size
-from paretoik.formulations.closed_loop_arguments import check_limits, check_start, check_steps, normalise_weights
+from paretoik.formulations.closed_loop_arguments import (
+    check_even,
+    check_limits,
+    check_longest_step,
+    check_objectives,
+    check_start,
+    check_steps,
+    normalise_weights,
+)
 from paretoik.formulations.closed_loop_result import ClosedLoopRun, explain_choice, mean_position_error
 from paretoik.formulations.problem_text import loop_text
 from paretoik.formulations.protocol import Timeline
 from paretoik.front.front import Choice, Front, Preference
 from paretoik.front.preferences import Weights
-from paretoik.inputs import check_flag, real_array
+from paretoik.inputs import check_flag
 from paretoik.robot.arm import Arm
 from paretoik.search.seeding import SMALLEST_POPULATION
 from paretoik.tables import html_representation
@@ -95,16 +103,10 @@ class ClosedLoop:
         generations: int = 200,
         seed: int = 0,
     ) -> None:
-        if not isinstance(objectives, Sequence):
-            raise InvalidInput(f"objectives: a list of them wanted, got {objectives!r}")
-        self.objectives = tuple(as_step_objective(each) for each in objectives)
-        if not self.objectives:
-            raise InvalidInput("objectives: wants at least one, got none")
+        self.objectives = check_objectives(objectives)
         self.names = tuple(each.name for each in self.objectives)
         self.signs = np.array([each.sign for each in self.objectives])
         self.n_obj = len(self.objectives)
-        if len(set(self.names)) != self.n_obj:
-            raise InvalidInput(f"objectives: names must differ, got {', '.join(self.names)}")
         check_limits(limits, kept=("position", "velocity", "clearance"), where="in a closed loop")
         self.task = motion_task(
             arm,
@@ -114,13 +116,9 @@ class ClosedLoop:
             obstacles=obstacles,
             link_radius=link_radius,
         )
-        steps = np.diff(self.task.times)
-        if np.ptp(steps) > 1e-9 * steps.mean():  # rounding
-            raise InvalidInput("path: samples evenly spaced in time wanted, one a control step")
+        check_even(self.task.times)
         check_flag("warm_start", warm_start)
-        if not real_array("longest_step", longest_step) > 0:
-            raise InvalidInput(f"longest_step: a positive number wanted, got {longest_step!r}")
-        self.longest, self.warm_start = float(longest_step), bool(warm_start)
+        self.longest, self.warm_start = check_longest_step(longest_step), bool(warm_start)
         self._set(weights=weights, start=start, population=population, generations=generations, seed=seed)
 
     def changed(

@@ -1,4 +1,4 @@
-"""Checks of a closed loop's arguments: weights, limits, a start."""
+"""Checks of a closed loop's arguments: objectives, weights, limits, times, steps, a start."""
 
 from __future__ import annotations
 
@@ -7,13 +7,29 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
+from paretoik.arrays import Times
 from paretoik.closed_loop.control_step import describe_nearest_obstacle, excess_clearance
+from paretoik.closed_loop.objectives import StepObjective, as_step_objective
 from paretoik.closed_loop.workspace import OPTIONS
 from paretoik.errors import InvalidInput, check_size
 from paretoik.front.preferences import Weights
-from paretoik.inputs import finite_array
+from paretoik.inputs import finite_array, real_array
 from paretoik.task.limits import LIMITED, Limits
 from paretoik.task.motion_task import MotionTask
+from paretoik.task.objectives import Objective
+
+
+def check_objectives(objectives: Sequence[StepObjective | Objective]) -> tuple[StepObjective, ...]:
+    """Return objectives of a step; raises InvalidInput for what is none, no objective at all, and names that repeat."""
+    if not isinstance(objectives, Sequence):
+        raise InvalidInput(f"objectives: a list of them wanted, got {objectives!r}")
+    if not objectives:
+        raise InvalidInput("objectives: wants at least one, got none")
+    of_step = tuple(as_step_objective(each) for each in objectives)
+    names = [each.name for each in of_step]
+    if len(set(names)) != len(names):
+        raise InvalidInput(f"objectives: names must differ, got {', '.join(names)}")
+    return of_step
 
 
 def normalise_weights(
@@ -39,6 +55,21 @@ def check_limits(limits: Limits | None, *, kept: tuple[str, ...], where: str) ->
         limit = getattr(limits, kind)
         if kind not in kept and limit is not None and not (isinstance(limit, float) and limit == np.inf):
             raise InvalidInput(f"limits: of {', '.join(kept[:-1])} and {kept[-1]} wanted {where}, got {kind}")
+
+
+def check_even(times: Times) -> None:
+    """Raise InvalidInput where times are not evenly spaced, up to rounding."""
+    steps = np.diff(times)
+    if np.ptp(steps) > 1e-9 * steps.mean():
+        raise InvalidInput("path: samples evenly spaced in time wanted, one a control step")
+
+
+def check_longest_step(longest_step: object) -> float:
+    """Return the most that a joint may move in a step; raises InvalidInput for what is no positive number."""
+    longest = real_array("longest_step", longest_step)
+    if not longest > 0:
+        raise InvalidInput(f"longest_step: a positive number wanted, got {longest_step!r}")
+    return float(longest)
 
 
 def check_steps(record_steps: Sequence[int], last: int) -> frozenset[int]:

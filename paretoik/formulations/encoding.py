@@ -10,6 +10,7 @@ from scipy.interpolate import BSpline
 
 from paretoik.arrays import Genes, JointPaths
 from paretoik.errors import InvalidInput, check_size
+from paretoik.robot.scales import joint_scales
 from paretoik.self_motion.charts import Charts, build_charts
 from paretoik.task.motion_task import MotionTask
 
@@ -57,6 +58,12 @@ class Encoding:
         """Number of directions of redundancy."""
         return self.charts.null_space.shape[-1]
 
+    @property
+    def bounds(self) -> tuple[Float[np.ndarray, " genes"], Float[np.ndarray, " genes"]]:
+        """The lowest and the highest values of genes."""
+        size = self.redundancy * self.coefficients
+        return np.concatenate([[0.0], -np.ones(size)]), np.concatenate([[float(self.bases)], np.ones(size)])
+
     def species(self, genes: Genes) -> Int[np.ndarray, " points"]:
         """Return the number of each individual's base motion."""
         return np.clip(np.floor(genes[:, 0]), 0, self.bases - 1).astype(int)
@@ -78,6 +85,28 @@ class Encoding:
         deviation = np.abs(np.einsum("tk,prk->ptr", self.spline, fitted) - y) * self.radius[which][..., None]
         genes = np.concatenate([which[:, None] + 0.5, fitted.reshape(len(q), -1)], axis=1)
         return genes, deviation.max(axis=(1, 2))
+
+    def encode_nearest(self, task: MotionTask, q: JointPaths) -> tuple[Genes, Float[np.ndarray, " motions"]]:
+        """Return genes within bounds of motions, and by how much [rad, the arm's length] they miss each.
+
+        Each motion is encoded around the base whose decoded genes come nearest to it in every joint at every sample.
+        """
+        genes, deviation = np.zeros((len(q), len(self.bounds[0]))), np.full(len(q), np.inf)
+        for base in range(self.bases):
+            encoded = np.clip(self.encode(task, np.full(len(q), base), q)[0], *self.bounds)
+            decoded, _ = self.decode(task, encoded)
+            distance = np.abs((decoded - q) / joint_scales(task.arm)).max(axis=(1, 2))
+            nearer = distance < deviation
+            genes[nearer], deviation[nearer] = encoded[nearer], distance[nearer]
+        return genes, deviation
+
+    def sample(self, count: int, rng: np.random.Generator) -> Genes:
+        """Return genes of ``count`` smooth motions near the bases, every base in turn, the bases themselves first."""
+        which = np.arange(count) % self.bases
+        shape = (count, self.redundancy, 1)
+        tilt = rng.normal(size=shape) + rng.normal(size=shape) * np.linspace(-1, 1, self.coefficients)
+        wave = 0.3 * np.where(np.arange(count) < self.bases, 0.0, 1.0)[:, None] * tilt.reshape(count, -1)
+        return np.concatenate([which[:, None] + 0.5, np.clip(wave, -1, 1)], axis=1)
 
     def _coordinates(self, which: np.ndarray, genes: Genes) -> np.ndarray:
         weights = genes[:, 1:].reshape(len(genes), self.redundancy, self.coefficients)

@@ -17,14 +17,16 @@ from paretoik.formulations.navigation_words import describe_move
 from paretoik.formulations.protocol import Differentiable, Individuals, restore_motions
 from paretoik.front.certificates import Certificates, concatenate
 from paretoik.front.front import Front
+from paretoik.front.indicators import ranges_of
 from paretoik.front.joint_motions import StoredJoints, StoredMotions
-from paretoik.front.navigation import NAVIGATIONS, NavigationRequest
+from paretoik.front.navigation import NavigationRequest
+from paretoik.front.provenance import NAVIGATIONS
+from paretoik.front.subset import largest_id
 from paretoik.nlp.program import Program
 from paretoik.pareto.certificates import certify
 from paretoik.pareto.gap_filling import POINT_TOLERANCE
 from paretoik.pareto.goals import Aim, Wish
 from paretoik.pareto.navigation import Destination, FrontPoints, move, reach
-from paretoik.pareto.scalarisation import ranges_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -156,7 +158,7 @@ def _joined(
         id, left = int(front.ids[better[np.argmin(values[better].sum(axis=1))]]), np.zeros(0, dtype=int)
         joined = front
     else:
-        id = 1 + max([int(front.ids.max()), *(one["to"] for one in moves), *front.provenance.get("left", ())])
+        id = largest_id(front) + 1
         left = np.flatnonzero((value <= values).all(axis=1))
         joined = _add(problem, front, left, id, arrival)
     note = describe_move(

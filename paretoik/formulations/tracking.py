@@ -31,7 +31,6 @@ from paretoik.front.front import Front
 from paretoik.nlp.program import Solver
 from paretoik.pareto.scalarisation import Observe
 from paretoik.robot.arm import Arm
-from paretoik.robot.scales import joint_scales
 from paretoik.search.nsga2 import MaxiMinNSGA2
 from paretoik.search.smooth_operators import Differential, SmoothMutation
 from paretoik.self_motion.branches import branch_labels
@@ -140,13 +139,9 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
         self._rollouts = sample_rollouts(self.task, np.random.default_rng(seed))
         self.encoding = encoding(self.task, choose_bases(self.task, self._rollouts, bases), coefficients)
         self.n_species = self.encoding.bases
-        size = self.encoding.redundancy * coefficients
+        low, high = self.encoding.bounds
         super().__init__(
-            n_var=1 + size,
-            n_obj=len(self.names),
-            n_ieq_constr=len(self.constraint_names),
-            xl=np.concatenate([[0.0], -np.ones(size)]),
-            xu=np.concatenate([[float(self.n_species)], np.ones(size)]),
+            n_var=len(low), n_obj=len(self.names), n_ieq_constr=len(self.constraint_names), xl=low, xu=high
         )
 
     def species(self, genes: Genes) -> Int[np.ndarray, " points"]:
@@ -163,20 +158,12 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
         Each motion is encoded around the base whose decoded genes come nearest to it in every joint at every sample;
         where they miss it by much, the genes do not stand for the motion: use the motion itself.
         """
-        genes, deviation = np.zeros((len(motions), self.n_var)), np.full(len(motions), np.inf)
-        for base in range(self.encoding.bases):
-            encoded, _ = self.encoding.encode(self.task, np.full(len(motions), base), motions.q)
-            encoded = np.clip(encoded, self.xl, self.xu)
-            q, _ = self.encoding.decode(self.task, encoded)
-            distance = np.abs((q - motions.q) / joint_scales(self.task.arm)).max(axis=(1, 2))
-            nearer = distance < deviation
-            genes[nearer], deviation[nearer] = encoded[nearer], distance[nearer]
-        return genes, deviation
+        return self.encoding.encode_nearest(self.task, motions.q)
 
     def translated(self, genes: Genes, labels: Int[np.ndarray, " points"]) -> Genes:
         """Return genes of the same motions around other bases, as near as they come within their bounds."""
         q, _ = self.encoding.decode(self.task, genes)
-        return np.clip(self.encoding.encode(self.task, np.asarray(labels), q)[0], self.xl, self.xu)
+        return np.clip(self.encoding.encode(self.task, np.asarray(labels), q)[0], *self.encoding.bounds)
 
     def algorithm(self, population: int, *, offspring: int | None = None, initial: Genes | None = None) -> MaxiMinNSGA2:
         """Return the algorithm that suits these genes: differential steps, smooth mutation, some infeasible parents."""
@@ -275,11 +262,7 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
 
     def self_motion_samples(self, count: int, rng: np.random.Generator) -> Genes:
         """Return genes of ``count`` smooth motions near the bases, every base in turn, the bases themselves first."""
-        which = np.arange(count) % self.encoding.bases
-        shape = (count, self.encoding.redundancy, 1)
-        tilt = rng.normal(size=shape) + rng.normal(size=shape) * np.linspace(-1, 1, self.encoding.coefficients)
-        wave = 0.3 * np.where(np.arange(count) < self.encoding.bases, 0.0, 1.0)[:, None] * tilt.reshape(count, -1)
-        return np.concatenate([which[:, None] + 0.5, np.clip(wave, -1, 1)], axis=1)
+        return self.encoding.sample(count, rng)
 
     def fingerprint_parts(self) -> list[object]:
         """Return what makes genes mean what they mean: the charts, the task, the objectives and the limits."""

@@ -7,8 +7,6 @@ back deletes nothing: what is chosen next becomes another branch.
 
 from __future__ import annotations
 
-import fcntl
-import os
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -19,7 +17,8 @@ from typing import TYPE_CHECKING, Any
 
 from paretoik.errors import InvalidInput, InvalidRun
 from paretoik.front.choice import Choice, Preference
-from paretoik.run_files import CHOICES, RUN, check_digest, read_run, replace_file, run_bytes, to_json
+from paretoik.front.subset import row_of
+from paretoik.run_files import CHOICES, RUN, check_digest, only_writer, read_run, replace_file, run_bytes, to_json
 
 if TYPE_CHECKING:  # a front keeps its choices here
     from paretoik.front.front import Front
@@ -62,17 +61,21 @@ class Choices:
 
     def __repr__(self) -> str:
         """Return the tree, a line a choice, the present one marked."""
-        return "\n".join(self._lines(None, "")) or "no choice yet"
+        return "\n".join(self._lines()) or "no choice yet"
 
-    def _lines(self, parent: int | None, indent: str) -> Iterator[str]:
+    def _lines(self) -> Iterator[str]:
         """Yield a line a choice, those that follow one another below each other, branches set in."""
-        children = [entry for entry in self.entries if entry.parent == parent]
-        for entry in children:
+        children: dict[int | None, list[KeptChoice]] = {}
+        for entry in self.entries:
+            children.setdefault(entry.parent, []).append(entry)
+        stack = [("  " * (len(children.get(None, ())) > 1), entry) for entry in reversed(children.get(None, ()))]
+        while stack:
+            indent, entry = stack.pop()
             values = ", ".join(f"{name} {value:.4g}" for name, value in entry.objectives.items())
             mark = "  <- now" if entry.id == self.current else ""
-            inner = indent + "  " * (len(children) > 1)
-            yield f"{inner}{entry.id}. point {entry.point} ({values}) by {entry.preference['text']}{mark}"
-            yield from self._lines(entry.id, inner)
+            yield f"{indent}{entry.id}. point {entry.point} ({values}) by {entry.preference['text']}{mark}"
+            following = children.get(entry.id, ())
+            stack += [(indent + "  " * (len(following) > 1), each) for each in reversed(following)]
 
 
 def read_choices(folder: Path) -> Choices:
@@ -104,8 +107,8 @@ def keep_choice(
     folder = front.folder
     assert folder is not None
     try:
-        _check_holds(front, choice, folder)
-        with _only_writer(folder):
+        with _run_locked(folder):
+            _check_holds(front, choice, folder)
             choices = read_choices(folder)
             entry = KeptChoice(
                 id=len(choices) + 1,
@@ -124,13 +127,18 @@ def keep_choice(
         warnings.warn(f"the choice is not kept: {fault}", RuntimeWarning, stacklevel=3)
 
 
-def go_back(folder: Path) -> Choices:
-    """Make the parent of the present choice the present one; raises InvalidInput where there is no choice."""
-    with _only_writer(folder):
+def go_back(folder: Path, *, front: Front | None = None) -> Choices:
+    """Make the parent of the present choice the present one.
+
+    Raises InvalidInput where there is no choice, and where a ``front`` that is told does not have the parent's point.
+    """
+    with _run_locked(folder):
         choices = read_choices(folder)
         if choices.chosen is None:
             raise InvalidInput(f"{folder}: wanted a choice to go back from, got none")
         choices = Choices(entries=choices.entries, current=choices.chosen.parent)
+        if front is not None and choices.chosen is not None:
+            row_of(front, choices.chosen.point, name="undo")
         _write(folder, choices)
     return choices
 
@@ -177,9 +185,9 @@ def _check_tree(entries: Any, current: Any) -> None:
             raise ValueError(f"{wrong[0]} of entry {place} is {entry[wrong[0]]!r}")
         if not isinstance(entry["preference"].get("text"), str):
             raise ValueError(f"the preference of entry {place} has no text")
-        if entry["id"] != place or entry["parent"] not in (None, *range(1, place)):
+        if entry["id"] != place or not (entry["parent"] is None or 1 <= entry["parent"] < place):
             raise ValueError(f"entry {place} is out of order")
-    if current not in (None, *range(1, len(entries) + 1)):
+    if not (current is None or (isinstance(current, int) and 1 <= current <= len(entries))):
         raise ValueError(f"no entry {current!r}")
 
 
@@ -201,13 +209,9 @@ def _write(folder: Path, choices: Choices) -> None:
 
 
 @contextmanager
-def _only_writer(folder: Path) -> Iterator[None]:
-    """Hold the folder's lock, so that of two who choose at once neither choice is lost; it ends with the process."""
+def _run_locked(folder: Path) -> Iterator[None]:
+    """Lock a run folder against other writers; raises InvalidInput where it is none."""
     if not (folder / RUN).is_file():
         raise InvalidInput(f"{folder}: wanted a run folder, got none")
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX)
+    with only_writer(folder):
         yield
-    finally:
-        os.close(descriptor)

@@ -16,6 +16,7 @@ from paretoik.front.indicators import hypervolume, non_dominated
 from paretoik.front.provenance import differences as differing_entries
 
 Pairs = Float[np.ndarray, "fronts fronts"]
+ATTAINABLE = (2, 3)  # numbers of objectives that surfaces are computed of
 REFERENCE = 1.1  # of the ranges: ends count, and no front's own worst point sets the scale (Ishibuchi et al. 2018)
 
 
@@ -115,9 +116,9 @@ class Comparison:
         return merge(self)
 
     @property
-    def origins(self) -> dict[int, tuple[str, int]]:
-        """Of every id of the merged front the label of the front that it comes from, and its id there."""
-        return {number: (label, old) for number, label, old in self.merged.provenance["merged"]["origins"]}
+    def origins(self) -> dict[int, tuple[int, int]]:
+        """Of every id of the merged front the place of the front that it comes from, from 0 on, and its id there."""
+        return {number: (place, old) for number, place, old in self.merged.provenance["merged"]["origins"]}
 
     @property
     def groups(self) -> dict[str, list[int]]:
@@ -137,17 +138,19 @@ class Comparison:
         import moocore
 
         n_obj = len(self.fronts[0].names)
-        if n_obj not in (2, 3):
+        if n_obj not in ATTAINABLE:
             raise InvalidInput(f"attainment: wanted two or three objectives, got {n_obj}")
         if not 0 < share <= 1:
             raise InvalidInput(f"attainment: wanted a share above 0 and at most 1, got {share}")
-        if label is not None and label not in self.labels:
-            raise InvalidInput(f"attainment: wanted a label among {', '.join(self.groups)}, got {label!r}")
-        runs = range(len(self.fronts)) if label is None else self.groups[label]
-        values = [self.fronts[run].minimised for run in runs]
+        values = [self.fronts[run].minimised for run in self._runs(label)]
         sets = np.repeat(np.arange(len(values)), [len(each) for each in values])
         surface = moocore.eaf(np.concatenate(values), sets, percentiles=[100.0 * share])[:, :n_obj]
         return surface * np.where(self.fronts[0].maximised, -1.0, 1.0)
+
+    def surfaces(self, label: str | None = None) -> dict[str, Objectives]:
+        """Return what one run attains ("best"), half of them ("median") and all ("worst"), as ``attainment`` does."""
+        shares = {"best": 1 / len(self._runs(label)), "median": 0.5, "worst": 1.0}
+        return {name: self.attainment(share, label) for name, share in shares.items()}
 
     def __str__(self) -> str:
         from paretoik.front.comparison_text import comparison_text
@@ -165,6 +168,11 @@ class Comparison:
         from paretoik.front.comparison_text import comparison_html
 
         return comparison_html(self)
+
+    def _runs(self, label: str | None) -> Sequence[int]:
+        if label is not None and label not in self.labels:
+            raise InvalidInput(f"attainment: wanted a label among {', '.join(self.groups)}, got {label!r}")
+        return range(len(self.fronts)) if label is None else self.groups[label]
 
     @cached_property
     def _merged_values(self) -> Objectives:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from paretoik.front.comparison import ATTAINABLE, Comparison
 from paretoik.tables import columns, html_table, html_text
-
-if TYPE_CHECKING:  # a comparison writes itself with this
-    from paretoik.front.comparison import Comparison
 
 COVERAGE = "coverage: the share of a column's points that some point of the row weakly dominates"
 EPSILON = "additive epsilon: by how much the row must improve to weakly dominate the column, in shares of the ranges"
@@ -46,8 +44,17 @@ def comparison_entries(comparison: Comparison) -> dict[str, Any]:
         "hypervolume": comparison.hypervolume,
         "coverage": comparison.coverage,
         "epsilon": comparison.epsilon,
+        "attainment": _attainment(comparison),
         "differences": comparison.differences,
     }
+
+
+def _attainment(comparison: Comparison) -> dict[str, Any] | None:
+    """Return the surfaces of all runs, and of each label that has several; None where there are none to compute."""
+    if len(comparison.fronts[0].names) not in ATTAINABLE:
+        return None
+    several = [label for label, places in comparison.groups.items() if len(places) > 1]
+    return {"all": comparison.surfaces(), "labels": {label: comparison.surfaces(label) for label in several}}
 
 
 def _normalisation(comparison: Comparison) -> str:

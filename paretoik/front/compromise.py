@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from paretoik.arrays import Objectives, Values
 from paretoik.errors import Infeasible
 from paretoik.front.preference_options import OPTIONS
@@ -43,7 +45,8 @@ class Compromise:
 
 def score_shares(shares: Objectives) -> Values:
     """Return what the compromise has least, of points by their shares of the ranges (points, n_obj)."""
-    scores: Values = shares.max(axis=1) + OPTIONS.augmentation * shares.sum(axis=1)
+    columns = np.ascontiguousarray(shares.T)  # reducing rows of a few numbers takes NumPy ten times as long
+    scores: Values = columns.max(axis=0) + OPTIONS.augmentation * columns.sum(axis=0)
     return scores
 
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from numbers import Integral
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
-from paretoik.arrays import Genes, Ids, Objectives, Values
+from paretoik.arrays import Genes, Ids, Objectives, Values, read_only
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.front.certificates import Certificates
 from paretoik.front.choice import Choice, Preference
@@ -21,21 +22,22 @@ from paretoik.front.front_arguments import (
     check_non_dominated,
     check_objectives,
     check_ranges,
-    read_only,
     sort_certificates,
     sort_motions,
     sort_rows,
 )
 from paretoik.front.gaps import find_jumps, missing_hypervolume
 from paretoik.front.joint_motions import JointMotions
-from paretoik.front.navigation import choice_of, navigate, navigated, refine_around
+from paretoik.front.navigation import navigate, navigated, refine_around, verdict_on
 from paretoik.front.reason import explain
+from paretoik.front.subset import Bound, has_point, row_of, with_ids, within_bounds
+from paretoik.front.supported import supported
+from paretoik.front.viewing import view
 from paretoik.inputs import check_flag, file_path
 from paretoik.tables import html_representation
 
 if TYPE_CHECKING:  # files and preferences are opened when they are used
     from paretoik.front.choices import Choices
-    from paretoik.front.subset import Bound
 
 __all__ = ["Choice", "Front", "Preference"]
 
@@ -57,8 +59,8 @@ class Front:
     settings, seed, status) and is stored in ``run.json``; ``problem`` is the problem itself, not stored. ``folder`` is
     the run folder that the front was loaded from or saved into last, where ``select`` keeps its choices, else None.
 
-    ``len(front)`` is the number of points, ``front[12]`` the point with that id as a ``Choice``, ``front[[12, 30]]``
-    the front of some, and iterating yields every point as a ``Choice``.
+    ``len(front)`` is the number of points, ``front[12]`` the point with that id as a ``Choice``, ``12 in front`` says
+    whether there is one, ``front[[12, 30]]`` is the front of some, and iterating yields every point as a ``Choice``.
 
     Raises InvalidInput for shapes that do not agree, values that are not finite, ids or names that repeat, names unfit
     for a table, and a point that another one dominates.
@@ -137,6 +139,8 @@ class Front:
         shares: Objectives = np.divide(distance, width, out=np.zeros_like(distance), where=width > 0)
         return read_only(shares)
 
+    supported = cached_property(supported)
+
     @property
     def violation_between(self) -> Values | None:
         """Worst violation of each motion's limits between its samples, measured where there are no certificates.
@@ -181,15 +185,17 @@ class Front:
 
         Raises InvalidInput for ids that the front does not have.
         """
-        from paretoik.front.subset import row_of, with_ids
-
-        if np.ndim(ids) or isinstance(ids, slice):
+        if not isinstance(ids, Integral):
             return with_ids(self, ids)
         row = row_of(self, ids)
-        return self.choice(row, f"Point {self.ids[row]} was named.")
+        return self.choice(row, verdict_on(self, row))
+
+    def __contains__(self, point: object) -> bool:
+        """Say whether a point, an id or a choice, is on the front."""
+        return has_point(self, point)
 
     def __iter__(self) -> Iterator[Choice]:
-        return (self[number] for number in self.ids.tolist())
+        return (self.choice(row, verdict_on(self, row)) for row in range(len(self)))
 
     def where(self, bounds: Mapping[str, Bound] | None = None, /, **named: Bound) -> Front:
         """Return the front of the points within bounds, ``front.where(kinetic_energy=(None, 0.05))``.
@@ -199,8 +205,6 @@ class Front:
 
         Raises InvalidInput for other names and bounds.
         """
-        from paretoik.front.subset import within_bounds
-
         return within_bounds(self, bounds, named)
 
     def select(self, preference: Preference | str | Mapping[str, float] | int, *, keep: bool = True) -> Choice:
@@ -230,7 +234,7 @@ class Front:
     navigate = navigate
     refine_around = refine_around
     navigated = property(navigated)
-    choice_of = choice_of
+    view = view
 
     @property
     def choices(self) -> Choices:
@@ -246,13 +250,13 @@ class Front:
         """Go back to the choice before the present one in the run folder, and return it; None where it was the first.
 
         Nothing is deleted: the next choice becomes another branch of the tree. Raises InvalidInput where there is no
-        choice to go back from.
+        choice to go back from, or this is a part of the run's front without the point of the one before.
         """
         from paretoik.front.choices import chosen, go_back
 
         if self.folder is None:
             raise InvalidInput("undo: wants a front that was loaded from a run folder or saved into one")
-        go_back(self.folder)
+        go_back(self.folder, front=self)
         return chosen(self)
 
     def choice(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.arrays import Ids, Objectives
+from paretoik.arrays import Ids, Objectives, read_only
 from paretoik.errors import InvalidInput
 from paretoik.front.certificates import Certificates
 from paretoik.front.indicators import non_dominated
@@ -101,9 +101,3 @@ def check_non_dominated(front: Front) -> None:
             f"front: wanted mutually non-dominated points, got {dominated.size} dominated ones, "
             f"the first with id {front.ids[dominated.min()]}"
         )
-
-
-def read_only(array: np.ndarray) -> np.ndarray:
-    """Return an array that nobody can write to any more."""
-    array.flags.writeable = False
-    return array

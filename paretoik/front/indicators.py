@@ -6,11 +6,28 @@ Rows with a NaN or an infinity count nowhere: a failed evaluation is no point.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from paretoik.arrays import Mask, Objectives, Values
 from paretoik.errors import InvalidInput
+
+RELATIVE_ROUNDING = 1e-9  # of an objective's size: a range below it is rounding
+
+
+@dataclass(frozen=True, kw_only=True)
+class EstimateOptions:
+    """Hypervolumes are exact up to so many objectives, of more from so many ``directions``.
+
+    Of 1,000 points exact ones take 0.5 s in five objectives and more than 20 s in seven, estimates milliseconds.
+    """
+
+    exact_up_to: int = 4
+    directions: int = 2048
+
+
+OPTIONS = EstimateOptions()
 
 
 def hypervolume(F: Objectives, reference: Values | Sequence[float], *, check: bool = False) -> float:
@@ -21,9 +38,7 @@ def hypervolume(F: Objectives, reference: Values | Sequence[float], *, check: bo
     """
     import moocore
 
-    limit = np.asarray(reference, dtype=float)
-    if limit.shape != (F.shape[1],) or not np.isfinite(limit).all():
-        raise InvalidInput(f"hypervolume reference: wanted {F.shape[1]} finite numbers, got {limit.tolist()}")
+    limit = _check_reference(F, reference)
     finite = np.isfinite(F).all(axis=1)
     counts = finite & np.less(F, limit).all(axis=1)
     if check and not counts.all():
@@ -32,6 +47,35 @@ def hypervolume(F: Objectives, reference: Values | Sequence[float], *, check: bo
             f"{int((finite & ~counts).sum())} of {len(F)} points not below it and {int((~finite).sum())} not finite"
         )
     return float(moocore.hypervolume(F[counts], limit)) if counts.any() else 0.0
+
+
+def estimate_hypervolume(F: Objectives, reference: Values, width: Values) -> float:
+    """Return the hypervolume, exact up to four objectives, in more of them to a percent or so, always in little time.
+
+    ``width`` (n_obj,) is about how far the points lie from the reference: in these units directions are spread evenly.
+    Of the same reference and width the estimate never falls where points are added or improve. Deterministic; moocore's
+    "Rphi-FWE+". Raises InvalidInput as ``hypervolume`` does.
+    """
+    if F.shape[1] <= OPTIONS.exact_up_to:
+        return hypervolume(F, reference)
+    import moocore
+
+    limit = _check_reference(F, reference) / width
+    normal = F[np.isfinite(F).all(axis=1)] / width
+    inside = normal[np.less(normal, limit).all(axis=1)]
+    if not len(inside):
+        return 0.0
+    return float(moocore.hv_approx(inside, ref=limit, nsamples=OPTIONS.directions) * np.prod(width))
+
+
+def ranges_of(values: Objectives, sizes: Values | None = None) -> Values:
+    """Return nadir less ideal of points; where that is rounding the objective's size, or 1 where it is always 0.
+
+    ``sizes`` are those of the values themselves by default.
+    """
+    width = np.ptp(values, axis=0)
+    sizes = np.abs(values).max(axis=0) if sizes is None else sizes
+    return np.where(width > RELATIVE_ROUNDING * sizes, width, np.where(sizes > 0, sizes, 1.0))
 
 
 def non_dominated(F: Objectives, tolerance: float = 0.0) -> Mask:
@@ -62,6 +106,13 @@ def ideal_and_nadir(F: Objectives) -> tuple[Values, Values]:
     if len(front) == 0:
         raise InvalidInput(f"ideal and nadir: wanted at least one finite point, got none among {len(F)}")
     return front.min(axis=0), front.max(axis=0)
+
+
+def _check_reference(F: Objectives, reference: Values | Sequence[float]) -> Values:
+    limit = np.asarray(reference, dtype=float)
+    if limit.shape != (F.shape[1],) or not np.isfinite(limit).all():
+        raise InvalidInput(f"hypervolume reference: wanted {F.shape[1]} finite numbers, got {limit.tolist()}")
+    return limit
 
 
 def _first_of_each(F: Objectives, rows: np.ndarray, tolerance: float) -> np.ndarray:

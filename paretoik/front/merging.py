@@ -23,20 +23,21 @@ PARTS = ("genes", "motions", "violation", "certificates")
 def merge(comparison: Comparison) -> Front:
     """Return what no point of any front dominates as one front; of equal points the first front's.
 
-    Ids count from 0, front by front; ``provenance["merged"]`` holds the labels, and of every point its id, its front's
-    label and its id there (``origins``). Genes, motions, violations and certificates stay where every front that has
-    points there has them and they agree in size; which do not is told under ``left_out``.
+    Ids count from 0, front by front; ``provenance["merged"]`` holds the label and the folder of every front
+    (``fronts``), and of every point its id, the place of its front there, and its id in it (``origins``). Genes,
+    motions, violations and certificates stay where every front that has points there has them and they agree in size;
+    which do not is told under ``left_out``.
 
     Raises InvalidInput where fronts are of different problems, or of closed loops.
     """
     _check_one_problem(comparison)
-    of_each = zip(comparison.fronts, comparison.labels, comparison.merged_rows, strict=True)
-    fronts, labels, rows = zip(*((front, label, part) for front, label, part in of_each if len(part)), strict=True)
+    of_each = zip(range(len(comparison.fronts)), comparison.fronts, comparison.merged_rows, strict=True)
+    places, fronts, rows = zip(*(each for each in of_each if len(each[2])), strict=True)
     parts = {name: _joined(name, fronts, rows) for name in PARTS}
     ids = np.arange(sum(len(part) for part in rows))
     old = [
-        [label, int(number)]
-        for front, label, part in zip(fronts, labels, rows, strict=True)
+        [place, int(number)]
+        for place, front, part in zip(places, fronts, rows, strict=True)
         for number in front.ids[part]
     ]
     lost = [name for name in PARTS if parts[name] is None and any(getattr(front, name) is not None for front in fronts)]
@@ -44,7 +45,11 @@ def merge(comparison: Comparison) -> Front:
     provenance = {
         name: first.provenance[name] for name in ("problem", "fingerprint", "versions") if name in first.provenance
     }
-    merged = {"labels": list(comparison.labels), "origins": [[i, *origin] for i, origin in enumerate(old)]}
+    sources = [
+        {"label": label, "folder": None if front.folder is None else str(front.folder.absolute())}
+        for front, label in zip(comparison.fronts, comparison.labels, strict=True)
+    ]
+    merged = {"fronts": sources, "origins": [[i, *origin] for i, origin in enumerate(old)]}
     return Front(
         ids=ids,
         objectives=np.concatenate([front.objectives[part] for front, part in zip(fronts, rows, strict=True)]),

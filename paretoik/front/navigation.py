@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from paretoik.errors import InvalidInput, check_size
+from paretoik.errors import Infeasible, InvalidInput, check_size
 from paretoik.front.certificates import WEIGHT_TOLERANCE
+from paretoik.front.provenance import NAVIGATIONS
+from paretoik.front.subset import check_known, row_of
 from paretoik.inputs import finite_number
 
 if TYPE_CHECKING:  # a front asks this file to move
     from paretoik.front.front import Choice, Front
-
-NAVIGATIONS = "navigations"  # their entry in a front's provenance
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,9 +104,12 @@ def refine_around(front: Front, choice: Choice | int, *, points: int = DEFAULTS.
         by = share * float((values[row, k] - values[better, k]).min())
         if by > 1e-6 * widths[k]:
             payers = tuple(j for j in range(len(front.names)) if j != k)
-            here = int(np.flatnonzero(front.ids == id)[0])
-            front = move(front, NavigationRequest(row=here, improve=k, by=by, payers=payers))
-            if id not in front.ids:  # a better point came in its place
+            here = row_of(front, id)
+            try:
+                front = move(front, NavigationRequest(row=here, improve=k, by=by, payers=payers))
+            except Infeasible:  # nothing was found there; what was found before stays
+                continue
+            if id not in front:  # a better point came in its place
                 break
     return front
 
@@ -114,14 +117,14 @@ def refine_around(front: Front, choice: Choice | int, *, points: int = DEFAULTS.
 def navigated(front: Front) -> Choice | None:
     """Return the point that the last move led to, its reason saying how; None where there was none."""
     moves = front.provenance.get(NAVIGATIONS, ())
-    return front.choice_of(moves[-1]["to"]) if moves and moves[-1]["to"] in front.ids else None
+    return front[moves[-1]["to"]] if moves and moves[-1]["to"] in front else None
 
 
-def choice_of(front: Front, id: int) -> Choice:
-    """Return the point of an id as a choice; raises InvalidInput for an id that is none."""
-    row = _row(front, id, "choice_of")
+def verdict_on(front: Front, row: int) -> str:
+    """Return what is said of the point of a row that was named: how a move led to it, where one did."""
+    id = int(front.ids[row])
     moves = [move for move in front.provenance.get(NAVIGATIONS, ()) if move["to"] == id]
-    return front.choice(row, moves[-1]["reason"] if moves else f"Point {id} was asked for.")
+    return str(moves[-1]["reason"]) if moves else f"Point {id} was named."
 
 
 def _places(value: np.ndarray, values: np.ndarray, points: int) -> list[tuple[int, float]]:
@@ -204,7 +207,7 @@ def _check_not_at_end(front: Front, row: int, axis: int, payers: Sequence[int]) 
 
 def _critical_row(front: Front, choice: Choice | int, verb: str) -> int:
     """Return the row of a choice that is certified as critical."""
-    row = _row(front, getattr(choice, "id", choice), verb)
+    row = row_of(front, getattr(choice, "id", choice), name=verb)
     if front.certificates is None:
         raise InvalidInput(f"{verb}: wants a front with certificates, such as refine(front), got one without")
     residual = float(front.certificates.kkt_residual[row])
@@ -215,21 +218,10 @@ def _critical_row(front: Front, choice: Choice | int, verb: str) -> int:
     return row
 
 
-def _row(front: Front, id: object, verb: str) -> int:
-    is_id = isinstance(id, int | np.integer) and not isinstance(id, bool)
-    rows = np.flatnonzero((front.ids == id) & is_id)
-    if not len(rows):
-        ids = ", ".join(map(str, np.sort(front.ids)[:8])) + (", ..." if len(front) > 8 else "")
-        raise InvalidInput(f"{verb}: wants a choice or an id of the front, one of {ids or 'none'}, got {id!r}")
-    return int(rows[0])
-
-
 def _axes(front: Front, label: str, names: str | Sequence[str]) -> list[int]:
     """Return which objectives are named."""
     names = [names] if isinstance(names, str) else names
     if not isinstance(names, Sequence):
         raise InvalidInput(f"{label}: wants names of objectives, got {names!r}")
-    for name in names:
-        if name not in front.names:
-            raise InvalidInput(f"{label}: wants names among {', '.join(front.names)}, got {name!r}")
-    return list(dict.fromkeys(list(front.names).index(name) for name in names))
+    check_known(front, label, names)
+    return list(dict.fromkeys(front.names.index(name) for name in names))

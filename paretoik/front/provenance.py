@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+NAVIGATIONS, LARGEST_ID = "navigations", "largest_id"  # entries: moves that were made; the largest id of the whole
 COMPARED = ("problem", "fingerprint", "settings", "versions", "status")  # counts and seconds always differ
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import groupby
 from types import MappingProxyType
@@ -40,7 +40,7 @@ def quantity(front: Front, name: str, amount: float) -> str:
     return f"{amount:.3g} {front.units[front.names.index(name)]}".rstrip()
 
 
-def list_words(words: list[str], conjunction: str = "and") -> str:
+def list_words(words: Sequence[str], conjunction: str = "and") -> str:
     """Return words as a list in English."""
     return f" {conjunction} ".join(filter(None, [", ".join(words[:-1]), *words[-1:]]))
 
@@ -95,7 +95,7 @@ def _ends(front: Front, choice: Choice) -> Iterator[str]:
     if best:
         yield f"No point is better in {list_words(best, 'or')}."
     if len(front.names) > OPTIONS.described:
-        parts = [f"point {end.id} in {list_words(list(end.better_in))}" for end in choice.ends]
+        parts = [f"point {end.id} in {list_words(end.better_in)}" for end in choice.ends]
         yield f"The best are {list_words(parts)}." if parts else ""
         return
     for end in choice.ends:
@@ -103,7 +103,7 @@ def _ends(front: Front, choice: Choice) -> Iterator[str]:
             amounts_in_words(front, end.gains, better=False, shares=True),
             amounts_in_words(front, end.costs, better=True, shares=True),
         )
-        yield f"Beside point {end.id}, the best in {list_words(list(end.better_in))}, it has {more} for {less}."
+        yield f"Beside point {end.id}, the best in {list_words(end.better_in)}, it has {more} for {less}."
 
 
 def _neighbours(front: Front, choice: Choice) -> Iterator[str]:

@@ -28,7 +28,9 @@ from paretoik.run_files import (
     RUN,
     TABLE,
     check_digest,
+    former_note,
     is_run,
+    only_writer,
     read_plain_file,
     read_run,
     replace_file,
@@ -58,16 +60,26 @@ def save(front: Front, folder: Path, *, overwrite: bool = False) -> None:
         files[RUN] = run_bytes(_run_entries(front, files))
     except (TypeError, ValueError) as fault:
         raise InvalidInput(f"front provenance: wanted what strict JSON can hold, got {fault}") from fault
-    if is_run(folder / RUN) and not _keeps_run(front, folder):
-        if not overwrite:
-            raise InvalidInput(
-                f"{folder}: wanted a new folder or this front's own, got one that holds another run, or points that "
-                "this front has not; overwrite=True replaces it"
-            )
-        (folder / CHOICES).unlink(missing_ok=True)
-    for name, content in files.items():
-        replace_file(folder / name, content)
+    with only_writer(folder):
+        _make_way(front, folder, overwrite=overwrite)
+        for name, content in files.items():
+            replace_file(folder / name, content)
     attach(front, folder)
+
+
+def _make_way(front: Front, folder: Path, *, overwrite: bool) -> None:
+    """Remove the choices of another run that is replaced; raises InvalidInput where it is not to be."""
+    if not is_run(folder / RUN) or _keeps_run(front, folder):
+        return
+    if not overwrite:
+        raise InvalidInput(
+            f"{folder}: wanted a new folder or this front's own, got one that holds another run, or points that this "
+            "front has not; overwrite=True replaces it"
+        )
+    try:
+        (folder / CHOICES).unlink(missing_ok=True)
+    except OSError as fault:
+        raise InvalidInput(f"{folder / CHOICES}: wanted to remove it, got {fault.strerror}") from fault
 
 
 def stored_points(folder: Path) -> dict[int, tuple[float, ...]]:
@@ -204,7 +216,8 @@ def array_bytes(arrays: Mapping[str, np.ndarray]) -> bytes:
 def _read_front_entries(file: Path) -> dict[str, Any]:
     run = read_run(file)
     if "files" not in run:
-        raise InvalidRun(f"{file}: wanted a run with a front, got one of status {run.get('status')!r} without")
+        note = former_note(file.parent)
+        raise InvalidRun(f"{file}: wanted a run with a front, got one of status {run.get('status')!r} without{note}")
     check_digest(file, run)
     if "holds" in run:
         raise InvalidRun(f"{file}: wanted a run with a front, got one that holds {run['holds']}")

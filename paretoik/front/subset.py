@@ -12,10 +12,12 @@ from jaxtyping import Float, Int
 
 from paretoik.arrays import Mask
 from paretoik.errors import InvalidInput
+from paretoik.front.provenance import LARGEST_ID, NAVIGATIONS
 from paretoik.inputs import finite_number
 
 if TYPE_CHECKING:  # a front asks this file for its parts
     from paretoik.front.front import Front
+
 
 Bound: TypeAlias = tuple[float | None, float | None]
 
@@ -23,8 +25,17 @@ Bound: TypeAlias = tuple[float | None, float | None]
 def row_of(front: Front, number: object, *, name: str = "front") -> int:
     """Return the row of the point with an id; raises InvalidInput where the front has none."""
     if isinstance(number, bool) or not isinstance(number, Integral):
-        raise InvalidInput(f"{name}: an id, or several, wanted, got {number!r}")
+        raise InvalidInput(f"{name}: an id of a point wanted, got {number!r}")
     return int(_rows_of(front, np.array([int(number)], dtype=object), name)[0])
+
+
+def has_point(front: Front, point: object) -> bool:
+    """Say whether a front has a point, an id or a choice; raises nothing for what is none."""
+    number, objectives = getattr(point, "id", point), getattr(point, "objectives", None)
+    if isinstance(number, bool) or not isinstance(number, Integral):
+        return False
+    (rows,) = np.nonzero(front.ids == int(number))
+    return len(rows) == 1 and (objectives is None or np.array_equal(front.objectives[rows[0]], objectives))
 
 
 def with_ids(front: Front, ids: Any) -> Front:
@@ -38,8 +49,19 @@ def with_ids(front: Front, ids: Any) -> Front:
     return take(front, _rows_of(front, array, "front"))
 
 
+def largest_id(front: Front) -> int:
+    """Return the largest id that a point of a front, or of one that it is a part of, ever had; −1 where none had."""
+    moves = (int(move["to"]) for move in front.provenance.get(NAVIGATIONS, ()))
+    return max([int(front.ids.max(initial=-1)), int(front.provenance.get(LARGEST_ID, -1)), *moves])
+
+
 def take(front: Front, rows: Int[np.ndarray, " rows"]) -> Front:
-    """Return the front of some rows: ranges and provenance as before, its choices kept in the same folder."""
+    """Return the front of some rows: ranges as before, its choices kept in the same folder.
+
+    Its provenance says what the largest id of the whole was, so that new points of the part get others.
+    """
+    largest = largest_id(front)
+    note = {} if largest in front.ids[rows] else {LARGEST_ID: largest}
     part = replace(
         front,
         ids=front.ids[rows],
@@ -48,6 +70,7 @@ def take(front: Front, rows: Int[np.ndarray, " rows"]) -> Front:
         motions=None if front.motions is None else front.motions[rows],
         violation=None if front.violation is None else front.violation[rows],
         certificates=None if front.certificates is None else front.certificates[rows],
+        provenance={**front.provenance, **note},
     )
     return attach(part, front.folder)
 

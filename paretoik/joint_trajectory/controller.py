@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -41,10 +41,12 @@ class Braking:
 class Controller:
     """What a robot's controller takes: joints by name, one command every 1/``rate`` [Hz], each within its limits.
 
-    ``position`` as (lower, upper) or symmetric [rad, m], the others symmetric, a number or one a joint: ``velocity``
-    [rad/s], ``acceleration`` [rad/s²], ``jerk`` [rad/s³], ``torque`` [N m], ``torque_rate`` [N m/s]; None where there
-    is none, or none is published. Every motion must start and end at rest; ``rest_acceleration`` says that its
-    acceleration must be 0 there too. ``source`` says where the figures are from.
+    ``position`` as (lower, upper), symmetric, or an array (dof, 2) [rad, m], the others symmetric, a number or one a
+    joint: ``velocity`` [rad/s], ``acceleration`` [rad/s²], ``jerk`` [rad/s³], ``torque`` [N m], ``torque_rate``
+    [N m/s]; None where there is none, or none is published. Every motion must start and end at rest;
+    ``rest_acceleration`` says that its acceleration must be 0 there too. ``source`` says where the figures are from.
+    ``other_joint_names`` are what other files of the vendor's call the same joints. ``dataclasses.replace`` makes a
+    controller that differs in one of these.
 
     Raises InvalidInput where a name repeats, or a figure is not positive or not one a joint.
 
@@ -65,14 +67,21 @@ class Controller:
     rest_acceleration: bool = False
     braking: Braking | None = None
     source: str = ""
+    other_joint_names: Sequence[Sequence[str]] = ()
 
     def __post_init__(self) -> None:
         assign = object.__setattr__
         names, about = check_joint_names("joint_names", self.joint_names), f"controller {self.name}"
         assign(self, "joint_names", names)
+        others = [check_joint_names("other_joint_names", each) for each in self.other_joint_names]
+        if any(len(each) != len(names) for each in others):
+            raise InvalidInput(f"{about}: other_joint_names: {len(names)} in each list wanted, got {others!r}")
         assign(self, "rate", positive_number(f"{about}: rate", self.rate, "Hz"))
         check_flag(f"{about}: rest_acceleration", self.rest_acceleration)
-        assign(self, "position", limit_rows(f"{about}: position", self.position, len(names)))
+        position = self.position
+        if isinstance(position, np.ndarray) and position.shape == (len(names), 2):
+            position = tuple(position.T)
+        assign(self, "position", limit_rows(f"{about}: position", position, len(names)))
         for kind in JOINT_LIMITS:
             assign(self, kind, symmetric_limits(f"{about}: {kind}", getattr(self, kind), len(names)))
 
@@ -87,17 +96,44 @@ class Controller:
         lower, upper = self.braking.velocity_bounds(q)
         return np.stack([np.maximum(bounds[0], lower), np.minimum(bounds[1], upper)])
 
-    def check_arm(self, arm: Arm) -> None:
-        """Raise InvalidInput unless the arm's joints are the controller's in its order, names prefixed or not."""
-        prefixes = {
-            theirs.removesuffix(ours) if theirs.endswith(ours) else None
-            for ours, theirs in zip(self.joint_names, arm.joint_names, strict=False)
-        }
-        if len(arm.joint_names) != len(self.joint_names) or len(prefixes) != 1 or None in prefixes:
+    def moves(self, arm: Arm) -> bool:
+        """Say whether the joints of an arm are the controller's, by name, prefixed or not."""
+        return self._order(arm) is not None
+
+    def arranged_for(self, arm: Arm) -> Controller:
+        """Return the controller with its joints in the order of the arm's, matched by name, prefixed or not.
+
+        Raises InvalidInput where they are not the same joints.
+        """
+        order = self._order(arm)
+        if order is None:
+            names = " or ".join(", ".join(each) for each in (self.joint_names, *self.other_joint_names))
             raise InvalidInput(
-                f"controller {self.name}: wants the joints {', '.join(self.joint_names)}, with one prefix or none, "
+                f"controller {self.name}: wants the joints {names}, with one prefix or none, "
                 f"got {', '.join(arm.joint_names)} of {arm.name}"
             )
+        if order == list(range(len(order))):
+            return self
+        braking = self.braking
+        if braking is not None:
+            braking = Braking(**{each.name: getattr(braking, each.name)[order] for each in fields(Braking)})
+        return replace(
+            self,
+            joint_names=[self.joint_names[i] for i in order],
+            other_joint_names=[[names[i] for i in order] for names in self.other_joint_names],
+            braking=braking,
+            **{kind: getattr(self, kind)[order] for kind in ("position", *JOINT_LIMITS)},
+        )
+
+    def _order(self, arm: Arm) -> list[int] | None:
+        """Return, for each joint of an arm, which of the controller's it is; None where they are not the same."""
+        for names in (self.joint_names, *self.other_joint_names):
+            first = arm.joint_names[0]
+            for prefix in (first.removesuffix(name) for name in names if first.endswith(name)):
+                whole = [prefix + name for name in names]
+                if sorted(whole) == sorted(arm.joint_names):
+                    return [whole.index(joint) for joint in arm.joint_names]
+        return None
 
 
 def check_joint_names(name: str, values: object) -> tuple[str, ...]:

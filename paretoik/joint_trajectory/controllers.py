@@ -51,6 +51,7 @@ PANDA = Controller(
     torque_rate=1000.0,
     rest_acceleration=True,
     source=FCI,
+    other_joint_names=([f"fer_joint{i}" for i in range(1, 8)],),  # as franka_description calls them
 )
 FR3 = Controller(
     name="fr3",
@@ -119,7 +120,7 @@ CONTROLLERS = MappingProxyType({each.name: each for family in FAMILIES.values() 
 def find_controller(controller: str | Controller, arm: Arm) -> Controller:
     """Return a controller for an arm: itself, one by its name, or of a family the one that names the arm's joints.
 
-    Where joints of a family are all named alike, the arm's own name decides.
+    Its joints come in the order of the arm's. Where joints of a family are all named alike, the arm's own name decides.
 
     Raises InvalidInput for an unknown name, joints that are not the controller's, or a family that leaves a choice.
     """
@@ -128,13 +129,12 @@ def find_controller(controller: str | Controller, arm: Arm) -> Controller:
             names = ", ".join((*FAMILIES, *CONTROLLERS))
             raise InvalidInput(f"controller: one of {names}, or a pk.controllers.Controller wanted, got {controller!r}")
         controller = CONTROLLERS.get(controller) or _of_family(controller, arm)
-    controller.check_arm(arm)
-    return controller
+    return controller.arranged_for(arm)
 
 
 def _of_family(name: str, arm: Arm) -> Controller:
     family = FAMILIES[name]
-    matching = [each for each in family if arm.joint_names[0].endswith(each.joint_names[0])] or [family[0]]
+    matching = [each for each in family if each.moves(arm)] or [family[0]]
     named = [each for each in matching if each.name in arm.name.lower()]
     if len(matching) > 1 and len(named) != 1:
         models = ", ".join(each.name for each in matching)

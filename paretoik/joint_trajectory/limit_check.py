@@ -70,7 +70,9 @@ class LimitUse:
 
     def __str__(self) -> str:
         value, limit = (with_unit(number, self.quantity, self.prismatic) for number in (self.value, self.limit))
-        return f"{self.quantity} of {self.joint} is {value} at {self.time:g} s, its limit {limit}"
+        beyond = with_unit(abs(self.value - self.limit), self.quantity, self.prismatic)
+        by = f", beyond it by {beyond}" if value == limit and self.exceeded else ""
+        return f"{self.quantity} of {self.joint} is {value} at {self.time:g} s, its limit {limit}{by}"
 
 
 def limit_uses(trajectory: JointTrajectory, controller: Controller, arm: Arm) -> list[LimitUse]:

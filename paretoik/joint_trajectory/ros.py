@@ -6,7 +6,6 @@ message on the topic that a ``joint_trajectory_controller`` listens to, to ``ros
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 from pathlib import Path
@@ -15,9 +14,9 @@ from typing import Any, Literal
 import numpy as np
 
 from paretoik.errors import InvalidInput
-from paretoik.joint_trajectory.tables import metadata_json
+from paretoik.joint_trajectory.tables import comment_lines, metadata_json
 from paretoik.joint_trajectory.trajectory import JointTrajectory
-from paretoik.run_files import to_json
+from paretoik.run_files import check_target
 
 MESSAGE = "trajectory_msgs/msg/JointTrajectory"
 TOPIC = "/joint_trajectory_controller/joint_trajectory"  # of ros2_control's default name of that controller
@@ -45,21 +44,24 @@ def yaml_bytes(trajectory: JointTrajectory) -> bytes:
         "joint_names": list(trajectory.joint_names),
         "points": points,
     }
-    comments = "".join(
-        f"# {name}: {json.dumps(to_json(value), ensure_ascii=False)}\n" for name, value in trajectory.metadata.items()
-    )
     dumper: Any = getattr(yaml, "CSafeDumper", yaml.SafeDumper)  # the C one is ten times as fast
     body: str = yaml.dump(message, Dumper=dumper, sort_keys=False, default_flow_style=None, width=10**6)
-    return (comments + body).encode()
+    return (comment_lines(trajectory) + body).encode()
+
+
+def check_bag(folder: Path, *, overwrite: bool) -> None:
+    """Raise InvalidInput where a folder may not be written as a bag: only a bag is replaced, and only where told."""
+    check_target("bag", folder, overwrite=overwrite, folder=True)
+    if os.path.lexists(folder) and not _is_bag(folder):
+        raise InvalidInput(f"{folder}: wanted a bag to replace, or nothing, got something else")
 
 
 def write_bag(trajectory: JointTrajectory, folder: Path) -> None:
     """Write a bag, a folder, whole or not at all; one that is there already is replaced.
 
-    Raises InvalidInput where the folder holds anything that is no bag, or the system refuses.
+    Raises InvalidInput where ``check_bag`` does, or the system refuses.
     """
-    if (folder.exists() or folder.is_symlink()) and not _is_bag(folder):
-        raise InvalidInput(f"{folder}: wanted a bag to replace, or nothing, got something else")
+    check_bag(folder, overwrite=True)
     work = folder.with_name(f".{folder.name}.{os.getpid()}")
     part, former = work / folder.name, work / "former"  # files of a bag bear its own name
     try:

@@ -17,6 +17,11 @@ from paretoik.joint_trajectory.time_scaling import TimeScaling
 ORDERS = {"velocity": 1, "acceleration": 2, "jerk": 3, "torque": 2, "torque rate": 3}
 
 
+def slowing(use: LimitUse) -> float:
+    """Return about how many times slower the motion must be to use all of a limit, and no more."""
+    return use.use ** (1 / ORDERS[use.quantity])
+
+
 def slow_down(scaling: TimeScaling, measure: Callable[[TimeScaling], list[LimitUse]]) -> TimeScaling | None:
     """Return a scaling of the fewest periods, no fewer than ``scaling`` has, that keeps limits; None if there is none.
 
@@ -28,7 +33,7 @@ def slow_down(scaling: TimeScaling, measure: Callable[[TimeScaling], list[LimitU
         if not exceeded:
             break
         fails = passes
-        factor = max(use.use ** (1 / ORDERS[use.quantity]) for use in exceeded)
+        factor = max(map(slowing, exceeded))
         passes = max(passes + 1, math.ceil(passes * min(max(factor, smallest), 2.0)))
         smallest += 0.1  # guesses that creep are no better than a search
         if passes > OPTIONS.slowest * scaling.periods:

@@ -18,11 +18,10 @@ from paretoik.run_files import to_json
 def csv_bytes(trajectory: JointTrajectory) -> bytes:
     """Return a CSV: lines of metadata after ``# ``, then the names of the columns, then a line a sample.
 
-    ``pandas.read_csv(file, comment="#")`` and ``numpy.genfromtxt(file, names=True, delimiter=",")`` read it.
+    ``numpy.genfromtxt(file, delimiter=",")[1:]`` reads the numbers; to readers of tables ``#`` begins a comment.
     """
-    text = io.StringIO()
-    for name, value in trajectory.metadata.items():
-        text.write(f"# {name}: {json.dumps(to_json(value), ensure_ascii=False)}\n")
+    text = io.StringIO(comment_lines(trajectory))
+    text.seek(0, io.SEEK_END)
     writer = csv.writer(text, lineterminator="\n")
     table = columns(trajectory)
     writer.writerow(table)
@@ -68,6 +67,18 @@ def columns(trajectory: JointTrajectory) -> dict[str, np.ndarray]:
     ):
         table |= {f"{quantity}.{joint}": values[:, i] for i, joint in enumerate(trajectory.joint_names)}
     return table
+
+
+def comment_lines(trajectory: JointTrajectory) -> str:
+    """Return the metadata as comments, a line each: ``# NAME: JSON``, escaped where a reader sees the end of a line."""
+    entries = [
+        f"{name}: {json.dumps(to_json(value), ensure_ascii=False)}" for name, value in trajectory.metadata.items()
+    ]
+    return "".join(f"# {''.join(map(_printable, entry))}\n" for entry in entries)
+
+
+def _printable(letter: str) -> str:
+    return letter if letter.isprintable() else json.dumps(letter)[1:-1]
 
 
 def metadata_json(trajectory: JointTrajectory) -> str:

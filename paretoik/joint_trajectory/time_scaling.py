@@ -5,6 +5,7 @@ Lynch & Park, Modern Robotics, chapter 9: with q(σ(t)) velocities are q' σ̇ a
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,15 +36,19 @@ class TimeScaling:
         """How much slower than at its own speed the motion is, its ramps aside."""
         return self.periods / (self.rate * (self.duration + self.ramp))
 
-    @property
-    def times(self) -> Times:
-        """Times of the samples [s], in whole nanoseconds, as ROS keeps them."""
-        return np.rint(np.arange(self.periods + 1) * (1e9 / self.rate)) / 1e9
+    def times(self, rate: float | None = None) -> Times:
+        """Return times of samples [s], in whole nanoseconds, as ROS keeps them: its own, or those of another rate."""
+        rate = self.rate if rate is None else rate
+        return np.rint(np.arange(math.ceil(self._periods(rate)) + 1) * (1e9 / rate)) / 1e9
 
-    def evaluate(self) -> Float[np.ndarray, "3 time"]:
-        """Return σ [s], σ̇ and σ̈ [1/s] at the samples; σ runs from exactly 0 to exactly the duration."""
+    def evaluate(self, rate: float | None = None) -> Float[np.ndarray, "3 time"]:
+        """Return σ [s], σ̇ and σ̈ [1/s] at the samples; σ runs from exactly 0 to exactly the duration.
+
+        At another ``rate`` than its own the last sample may come less than a period after the end: it is the end's.
+        """
         total = self.duration + self.ramp
-        u = np.arange(self.periods + 1) / self.periods * total
+        periods = self._periods(self.rate if rate is None else rate)
+        u = np.minimum(np.arange(math.ceil(periods) + 1) / periods, 1.0) * total
         if self.ramp == 0:
             return np.stack([u, np.full_like(u, 1 / self.factor), np.zeros_like(u)])
         left = np.minimum(u, total - u)  # to the nearer end: the law is symmetric
@@ -54,6 +59,11 @@ class TimeScaling:
         speed = x**3 * (10.0 + x * (6.0 * x - 15.0))
         bend = 30.0 * (x * (1.0 - x)) ** 2 / self.ramp * np.where(later, -1.0, 1.0)
         return np.stack([sigma, speed / self.factor, bend / self.factor**2])
+
+    def _periods(self, rate: float) -> float:
+        """Return how many periods of a rate it takes, whole ones up to rounding."""
+        periods = self.periods * (rate / self.rate)
+        return float(round(periods)) if abs(periods - round(periods)) <= OPTIONS.whole * periods else periods
 
 
 def time_scaling(duration: float, rate: float, *, time_scale: float = 1.0, ramp: float = 0.0) -> TimeScaling:

@@ -63,16 +63,16 @@ def same_joints(joint_names: object, own: Sequence[str]) -> tuple[str, ...]:
     return names
 
 
-def sample_motion(motion: Motion, scaling: TimeScaling) -> JointTrajectory:
-    """Return the samples of one motion in scaled time.
+def sample_motion(motion: Motion, scaling: TimeScaling, rate: float | None = None) -> JointTrajectory:
+    """Return the samples of one motion in scaled time, at the scaling's own rate or at another [Hz].
 
     Raises Infeasible where the motion leaves its path between its own samples.
     """
-    sigma, speed, bend = scaling.evaluate()
+    sigma, speed, bend = scaling.evaluate(rate)
     q, by_sigma, curved = motion.state(motion.time[0] + sigma)
     return JointTrajectory(
         joint_names=motion.arm.joint_names,
-        time=scaling.times,
+        time=scaling.times(rate),
         q=q,
         dq=by_sigma * speed[:, None],
         ddq=curved * speed[:, None] ** 2 + by_sigma * bend[:, None],

@@ -9,9 +9,10 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import Points
+from paretoik.front.indicators import ranges_of
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.program import Program, Solver
-from paretoik.pareto.scalarisation import main_weights, minimise_weighted, ranges_of
+from paretoik.pareto.scalarisation import main_weights, minimise_weighted
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,8 +14,6 @@ from paretoik.nlp.minimise import minimise
 from paretoik.nlp.program import Program, Solver
 from paretoik.nlp.solutions import Solutions, concatenate
 
-RELATIVE_ROUNDING = 1e-9  # of an objective's size: a range below it is rounding
-
 Observe: TypeAlias = Callable[[int, int], object]
 """Called with what is done and with all there is to do."""
 
@@ -31,18 +29,6 @@ def objective_sizes(program: Program, x: Points, n_obj: int) -> Float[np.ndarray
     slopes = [np.linalg.norm(each.gradients[:n_obj, : each.unknowns], axis=1) for each in at]
     changes = np.array([slope * each.unit for slope, each in zip(slopes, at, strict=True)])
     return np.asarray(np.maximum(np.abs(values), changes).max(axis=0))
-
-
-def ranges_of(
-    values: Float[np.ndarray, "points n_obj"], sizes: Float[np.ndarray, " n_obj"] | None = None
-) -> Float[np.ndarray, " n_obj"]:
-    """Return nadir less ideal of points; where that is rounding the objective's size, or 1 where it is always 0.
-
-    ``sizes`` are those of the values themselves by default.
-    """
-    width = np.ptp(values, axis=0)
-    sizes = np.abs(values).max(axis=0) if sizes is None else sizes
-    return np.where(width > RELATIVE_ROUNDING * sizes, width, np.where(sizes > 0, sizes, 1.0))
 
 
 def main_weights(n_obj: int, mains: Int[np.ndarray, " rows"], weight: float | np.ndarray) -> np.ndarray:

@@ -20,7 +20,7 @@ from jaxtyping import Bool, Float, Int
 from paretoik.errors import InvalidInput
 from paretoik.resolution.horizon import DEGREE, HorizonSolution, horizon_program, quartic_spline, spline_position
 from paretoik.resolution.method import broadcast_shape
-from paretoik.resolution.methods import PredictiveKineticEnergy
+from paretoik.resolution.predictive_kinetic_energy import PredictiveKineticEnergy
 from paretoik.resolution.step_program import step_program
 from paretoik.resolution.traces import ResolvedMotion, Traces, empty_traces
 from paretoik.task.motion_task import MotionTask

@@ -1,1 +1,1 @@
-"""The review of a run: its recording, pictures, and the viewer."""
+"""The review of a run: its recording, pictures, report, and the viewer."""

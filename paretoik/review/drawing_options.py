@@ -11,7 +11,8 @@ class DrawingOptions:
 
     Up to ``matrix`` objectives every pair has a panel, beyond only neighbours; parallel coordinates come from
     ``parallel`` objectives on, and more than ``parallel_lines`` points are a grey area there. The timeline along the
-    front has at most so many points, ``walk``. Timelines of generations play ``frames`` of them a second.
+    front has at most so many points, ``walk``, that along the starts of a plan so many, ``starts``. Timelines of
+    generations play ``frames`` of them a second, those of a few things that are looked at one by one ``slow_frames``.
 
     A limit is in the chart where it lies at most ``limit_distance`` ranges of the curves off. Outlines of obstacles
     have so many ``corners``; where a body meets the plane is found on a grid of ``section`` points a side. Meshes are
@@ -22,7 +23,9 @@ class DrawingOptions:
     parallel: int = 3
     parallel_lines: int = 200
     walk: int = 60
+    starts: int = 240
     frames: float = 6.0
+    slow_frames: float = 1.0
     limit_distance: float = 2.5
     corners: int = 96
     section: int = 160

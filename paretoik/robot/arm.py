@@ -11,26 +11,19 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.arrays import Jacobians, Vector3
+from paretoik.arrays import Jacobians, Vector3, read_only
 from paretoik.errors import InvalidInput
 from paretoik.inputs import ArrayLike, file_path, finite_array
 from paretoik.robot.arm_inputs import body_tuple, limit_rows, number_array, symmetric_limits
 from paretoik.robot.body import Body, combine_bodies, transform_body
 from paretoik.robot.denavit_hartenberg import joint_placements
+from paretoik.robot.frame import Frame
 from paretoik.robot.pose import Pose, check_pose, matrix_to_quaternion, pose_batch
 from paretoik.tables import html_representation
 
 JointType = Literal["revolute", "continuous", "prismatic"]
 JOINT_TYPES: tuple[JointType, ...] = ("revolute", "continuous", "prismatic")
 EARTH_GRAVITY = (0.0, 0.0, -9.81)  # m/s²
-
-
-@dataclass(frozen=True, kw_only=True)
-class Frame:
-    """A named frame on the arm: a pose in the frame of link ``link`` (−1: the base)."""
-
-    link: int
-    pose: Pose
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -85,9 +78,7 @@ class Arm:
     @cached_property
     def periodic(self) -> np.ndarray:
         """Whether each joint is rotational, its angle equivalent modulo 2π; shape (dof,), read-only."""
-        periodic = np.array([joint_type != "prismatic" for joint_type in self.joint_types])
-        periodic.setflags(write=False)
-        return periodic
+        return read_only(np.array([joint_type != "prismatic" for joint_type in self.joint_types]))
 
     def __repr__(self) -> str:
         return f"Arm({self.name!r}, {self.dof} joints: {', '.join(self.joint_names)})"

@@ -9,8 +9,9 @@ import numpy as np
 
 from paretoik.errors import InvalidInput
 from paretoik.inputs import finite_number
-from paretoik.robot.arm import Arm, Frame
+from paretoik.robot.arm import Arm
 from paretoik.robot.body import combine_bodies, transform_body
+from paretoik.robot.frame import Frame
 from paretoik.robot.pose import Pose
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Inexact
 
 from paretoik.arrays import Jacobians, Joints, Positions, Rotations
-from paretoik.robot.arm import Arm, Frame
+from paretoik.robot.arm import Arm
 from paretoik.robot.arm_constants import arm_constants, joint_cosines_and_sines
 from paretoik.robot.components import (
     ZERO,
@@ -33,6 +33,7 @@ from paretoik.robot.components import (
     to_vector,
     transpose,
 )
+from paretoik.robot.frame import Frame
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from functools import lru_cache
 import numpy as np
 from jaxtyping import Float
 
+from paretoik.arrays import read_only
 from paretoik.robot.arm import Arm
 
 
@@ -27,6 +28,4 @@ def characteristic_length(arm: Arm) -> float:
 @lru_cache(maxsize=256)
 def joint_scales(arm: Arm) -> Float[np.ndarray, " dof"]:
     """Return what distances of each joint are measured in: 1 rad, or the arm's characteristic length [m] of a slide."""
-    scales = np.where(arm.periodic, 1.0, characteristic_length(arm))
-    scales.setflags(write=False)
-    return scales
+    return read_only(np.where(arm.periodic, 1.0, characteristic_length(arm)))

@@ -15,9 +15,10 @@ import numpy as np
 from paretoik.arrays import Matrix3, Vector3
 from paretoik.errors import InvalidInput, InvalidRobot
 from paretoik.inputs import file_path
-from paretoik.robot.arm import EARTH_GRAVITY, Arm, Frame, JointType
+from paretoik.robot.arm import EARTH_GRAVITY, Arm, JointType
 from paretoik.robot.body import Body, combine_bodies, transform_body
 from paretoik.robot.fixed_joints import joint_motion
+from paretoik.robot.frame import Frame
 from paretoik.robot.pose import Pose
 from paretoik.robot.urdf_chain import Chain, find_zero_limits, select_chain
 from paretoik.robot.urdf_description import JointDescription, RobotDescription

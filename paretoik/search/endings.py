@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from paretoik.arrays import Ids, Objectives, Values
 from paretoik.errors import InvalidInput, check_size
-from paretoik.front.indicators import hypervolume
+from paretoik.front.indicators import estimate_hypervolume
 from paretoik.inputs import finite_number, real_array
 from paretoik.search.archive import Failures
 from paretoik.search.constraints import Floats
@@ -48,21 +48,13 @@ def ideal_and_range(front: Objectives) -> tuple[Values, Values]:
     return ideal, np.where(width > 0, width, np.where(ideal != 0, np.abs(ideal), 1.0))
 
 
-def normalised_hypervolume(
-    F: Floats, ideal: Floats, width: Floats, *, reference_point: float = 1.1, exact_up_to: int = 4
-) -> float:
+def normalised_hypervolume(F: Floats, ideal: Floats, width: Floats, *, reference_point: float = 1.1) -> float:
     """Hypervolume of ``F`` (points, n_obj) where ideal is 0, ideal + width 1 and the reference 1.1.
 
-    Approximate (deterministically, moocore) above four objectives: of a large archive an exact one takes minutes.
+    Approximate above four objectives: of a large archive an exact one takes minutes.
     """
-    normal: Floats = (F - ideal) / width
-    reference = np.full(F.shape[1], reference_point)
-    if F.shape[1] <= exact_up_to:
-        return hypervolume(normal, reference)
-    from moocore import hv_approx
-
-    inside = normal[np.less(normal, reference).all(axis=1)]
-    return float(hv_approx(inside, ref=reference, nsamples=2048)) if len(inside) else 0.0
+    n_obj = F.shape[1]
+    return estimate_hypervolume((F - ideal) / width, np.full(n_obj, reference_point), np.ones(n_obj))
 
 
 @runtime_checkable

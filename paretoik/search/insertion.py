@@ -68,6 +68,25 @@ def nearest_squared(Z: Floats, others: Floats) -> Floats:
     return nearest
 
 
+def neighbour_distances(Z: Floats, groups: Integers, count: int) -> Floats:
+    """Sum (points,) of each point's distances to the ``count`` nearest of its group; inf where there are fewer.
+
+    ``groups`` (points,) are labels. Computed in blocks of bounded memory.
+    """
+    if len(Z) <= count:
+        return np.full(len(Z), np.inf)
+    sums = np.empty(len(Z))
+    step = max(1, 1_000_000 // len(Z))
+    for first in range(0, len(Z), step):
+        rows = np.arange(first, min(first + step, len(Z)))
+        squared = squared_distances(Z[rows], Z)
+        squared[groups[rows, None] != groups] = np.inf
+        squared[np.arange(len(rows)), rows] = np.inf  # no neighbour of itself
+        nearest = np.partition(squared, count - 1, axis=1)[:, :count]
+        sums[rows] = np.sqrt(nearest).sum(axis=1)
+    return sums
+
+
 def insertion_order(Z: Floats, count: int, nearest: Floats, starts: Sequence[int] = ()) -> tuple[Integers, Floats]:
     """Select ``count`` of the mutually non-dominated points ``Z``, always the one farthest from all selected.
 

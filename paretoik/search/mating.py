@@ -43,12 +43,12 @@ class Parents:
     F: Objectives
     violation: Values
     rank: Ids
-    distance: Values
+    spacing: Values
     species: Ids
 
 
 class BranchwiseMating:
-    """pymoo mating on whole arrays: binary tournaments by rank, then insertion distance; then the two operators.
+    """pymoo mating on whole arrays: binary tournaments by rank, then spacing; then the two operators.
 
     ``crossover`` and ``mutation`` are pymoo operators of real genes. Of two parents both win a tournament; of three, as
     a ``Differential`` has them, the first, and the others are drawn from its species. With ``infeasible_parents`` an
@@ -75,7 +75,7 @@ class BranchwiseMating:
             F=column(pop, "F"),
             violation=column(pop, "CV")[:, 0],
             rank=np.array([individual.data["rank"] for individual in pop]),
-            distance=np.array([individual.data["crowding"] for individual in pop]),
+            spacing=np.array([individual.data["crowding"] for individual in pop]),
             species=problem.species(X) if hasattr(problem, "species") else np.zeros(len(X), dtype=np.int64),
         )
         seen = {row.tobytes() for row in X + 0.0}
@@ -141,10 +141,10 @@ class BranchwiseMating:
         return mutated
 
     def _select_winners(self, parents: Parents, a: Integers, b: Integers, rng: np.random.Generator) -> Integers:
-        """Index of the better of each pair: less violation, better rank, larger distance, chance."""
+        """Index of the better of each pair: less violation, better rank, larger spacing, chance."""
         won: Mask = np.zeros(len(a), dtype=bool)
         tied: Mask = np.ones(len(a), dtype=bool)
-        for key in (parents.violation, parents.rank, -parents.distance):
+        for key in (parents.violation, parents.rank, -parents.spacing):
             won |= tied & (key[a] < key[b])
             tied &= key[a] == key[b]
         won |= tied & (rng.random(len(a)) < 0.5)

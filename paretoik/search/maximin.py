@@ -2,8 +2,10 @@
 
 Distances are Euclidean in objectives normalised by the ideal and nadir of the feasible first rank (Marcos et al. 2012
 for the selection). The distance at which a point was taken is its insertion distance; the starting points have inf. It
-buys an even spread cheaply and is not meant to win on hypervolume. Above five objectives almost every point is
-non-dominated and distances say little: NSGA-III, or a preferred region through ``ranges``, is wiser there.
+depends on the order: the first half of a front has twice that of the second however even the front is. Tournaments
+therefore compare what is around a survivor at the end, the sum of the distances to its n_obj nearest neighbours of the
+same rank. MaxiMin buys an even spread cheaply and is not meant to win on hypervolume. Above five objectives almost
+every point is non-dominated and distances say little: NSGA-III, or a preferred region through ``ranges``, is wiser.
 """
 
 from __future__ import annotations
@@ -17,19 +19,31 @@ from numpy.typing import ArrayLike
 from pymoo.core.population import Population
 from pymoo.core.survival import Survival
 
-from paretoik.arrays import Ids, Values
+from paretoik.arrays import Ids, Mask, Values
 from paretoik.errors import InvalidInput
 from paretoik.search.constraints import EQUALITY_TOLERANCE, TOLERANCE, Floats, Integers, violations
-from paretoik.search.insertion import insertion_order, nearest_squared, scaled, starting_points
+from paretoik.search.insertion import (
+    insertion_order,
+    nearest_squared,
+    neighbour_distances,
+    scaled,
+    starting_points,
+)
 
 
 @dataclass(frozen=True, eq=False)
 class Survivors:
-    """Who survives, best first: ``index``, ``rank`` and insertion ``distance``, each (survivors,)."""
+    """Who survives, best first, each (survivors,).
+
+    ``distance`` is the insertion distance, ``spacing`` the sum of the distances to the n_obj nearest survivors of the
+    same rank: inf where there are fewer and for the best of a rank in an objective, 0 beyond ``ranges`` and for
+    infeasible points.
+    """
 
     index: Ids
     rank: Ids
     distance: Values
+    spacing: Values
 
 
 def survivors(
@@ -58,27 +72,36 @@ def survivors(
     if infeasible_share > 0.0 and feasible.size:
         reserved = _nondominated_infeasible(F, violation, feasible[ranks == 0], others)[: int(infeasible_share * count)]
     places = min(feasible.size, count - reserved.size)
-    chosen, distance = _by_maximin(F[feasible], ranks, places, ranges)
+    Z, is_beyond = _normalised(F[feasible], ranks, ranges)
+    chosen, distance = _by_maximin(Z, ranks, is_beyond, places)
     if species is not None and places:
         chosen, distance = _with_species(chosen, distance, ranks, species[feasible])
+    spacing = _spacing(Z[chosen], ranks[chosen], is_beyond[chosen])
     rest = np.concatenate((reserved, others[~np.isin(others, reserved)]))[: count - places]
     worst = int(ranks.max(initial=-1)) + 1
     return Survivors(
         index=np.concatenate((feasible[chosen], rest)),
         rank=np.concatenate((ranks[chosen], worst + np.arange(rest.size))),
         distance=np.concatenate((distance, np.zeros(rest.size))),
+        spacing=np.concatenate((spacing, np.zeros(rest.size))),
     )
 
 
-def _by_maximin(F: Floats, ranks: Integers, count: int, ranges: Floats | None) -> tuple[Integers, Floats]:
+def _normalised(F: Floats, ranks: Integers, ranges: Floats | None) -> tuple[Floats, Mask]:
+    """Objectives of feasible points in the range of their first rank or in ``ranges``, and which are beyond that."""
+    if not len(F):
+        return F, np.zeros(0, dtype=bool)
+    first = F[ranks == 0]
+    ideal, nadir = (first.min(axis=0), first.max(axis=0)) if ranges is None else (ranges[0], ranges[1])
+    is_beyond = np.zeros(len(F), dtype=bool) if ranges is None else np.less(nadir, F).any(axis=1)
+    return scaled(F, ideal, nadir), is_beyond
+
+
+def _by_maximin(Z: Floats, ranks: Integers, is_beyond: Mask, count: int) -> tuple[Integers, Floats]:
     """Positions and insertion distances of ``count`` feasible points in order of selection."""
     if count == 0:
         return np.empty(0, dtype=np.int64), np.empty(0)
-    first = F[ranks == 0]
-    ideal, nadir = (first.min(axis=0), first.max(axis=0)) if ranges is None else (ranges[0], ranges[1])
-    Z = scaled(F, ideal, nadir)
-    is_beyond = np.zeros(len(F), dtype=bool) if ranges is None else (nadir < F).any(axis=1)
-    nearest = np.full(len(F), np.inf)
+    nearest = np.full(len(Z), np.inf)
     positions: list[Integers] = []
     distances: list[Floats] = []
     groups = 2 * ranks + is_beyond
@@ -95,6 +118,16 @@ def _by_maximin(F: Floats, ranks: Integers, count: int, ranges: Floats | None) -
         later = np.flatnonzero(groups > group)
         nearest[later] = np.minimum(nearest[later], nearest_squared(Z[later], Z[positions[-1]]))
     return np.concatenate(positions), np.concatenate(distances)
+
+
+def _spacing(Z: Floats, ranks: Integers, is_beyond: Mask) -> Floats:
+    """How lonely each survivor is among those of its rank, the best of a rank in an objective infinitely."""
+    spacing = neighbour_distances(Z, ranks, Z.shape[1])
+    for rank in np.unique(ranks):
+        members = np.flatnonzero(ranks == rank)
+        spacing[members[Z[members].argmin(axis=0)]] = np.inf
+    spacing[is_beyond] = 0.0
+    return spacing
 
 
 def _nondominated_infeasible(F: Floats, violation: Floats, front: Integers, others: Integers) -> Integers:
@@ -136,9 +169,9 @@ class MaxiMin(Survival):  # type: ignore[misc]  # pymoo has no types
     ``ranges`` (lower, upper), each a number an objective, keeps the population in a box of interest: a long steep tail
     then does not drag it away. ``infeasible_share`` of the survivors may be infeasible ones near the boundary.
     ``tolerance`` and ``equality_tolerance`` say what still counts as feasible, one number or one a constraint. A
-    problem with ``species(X) -> (points,)`` keeps its live species. Individuals get "rank", "crowding" (the insertion
-    distance) and CV, which is inf where an objective is not finite or a constraint is NaN. Raises InvalidInput for a
-    setting that makes no sense.
+    problem with ``species(X) -> (points,)`` keeps its live species. Individuals get "rank", "crowding" (their spacing),
+    "insertion_distance" and CV, which is inf where an objective is not finite or a constraint is NaN. Raises
+    InvalidInput for a setting that makes no sense.
     """
 
     def __init__(
@@ -170,9 +203,9 @@ class MaxiMin(Survival):  # type: ignore[misc]  # pymoo has no types
         for individual, value in zip(pop, violation, strict=True):
             individual.CV = np.array([value])
         population = pop[selected.index]
-        ranks, distances = selected.rank.tolist(), selected.distance.tolist()
-        for individual, rank, distance in zip(population, ranks, distances, strict=True):
-            individual.data["rank"], individual.data["crowding"] = rank, distance
+        values = (selected.rank.tolist(), selected.spacing.tolist(), selected.distance.tolist())
+        for individual, rank, spacing, distance in zip(population, *values, strict=True):
+            individual.data |= {"rank": rank, "crowding": spacing, "insertion_distance": distance}
         return Population(population)
 
 

@@ -7,6 +7,7 @@ from functools import cache
 
 import numpy as np
 
+from paretoik.arrays import read_only
 from paretoik.task.motion import Motion
 from paretoik.task.spline import Derivatives
 
@@ -78,5 +79,4 @@ def _difference_matrix(points: int, order: int) -> np.ndarray:
         right = np.zeros(width)
         right[order] = order  # of its factorial, the first or second
         matrix[i, begin : begin + width] = np.linalg.solve(np.vander(offsets, increasing=True).T, right)
-    matrix.setflags(write=False)
-    return matrix
+    return read_only(matrix)

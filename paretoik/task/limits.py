@@ -18,6 +18,13 @@ from paretoik.task.objectives import Form, Function, check_form, evaluate_functi
 
 LIMIT_TOLERANCE = 1e-9  # share of a limit or its range that is rounding
 LIMITED = {"position": "q", "velocity": "dq", "acceleration": "ddq", "torque": "torque", "power": "power"}  # of Motion
+JOINT_UNITS = {  # of joints that turn, and of those that slide
+    "position": ("rad", "m"),
+    "velocity": ("rad/s", "m/s"),
+    "acceleration": ("rad/s²", "m/s²"),
+    "torque": ("N m", "N"),
+    "power": ("W", "W"),
+}
 Bounds = Float[np.ndarray, "#time dof 2"]
 
 

@@ -10,7 +10,7 @@ from typing import get_args
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.arrays import JointPaths, Rotations, Series
+from paretoik.arrays import JointPaths, Rotations, Series, read_only
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.inputs import real_array
 from paretoik.robot import dynamics, kinematics
@@ -86,8 +86,8 @@ class Motion:
                     f"cyclic motion: must end where it starts, got ends {distance.max():.3g} rad or m apart"
                 )
             q[..., -1, :] = q[..., 0, :]
-        object.__setattr__(self, "q", _read_only(q))
-        object.__setattr__(self, "time", np.broadcast_to(_read_only(time), q.shape[:-1]))
+        object.__setattr__(self, "q", read_only(q))
+        object.__setattr__(self, "time", np.broadcast_to(read_only(time), q.shape[:-1]))
 
     def __len__(self) -> int:
         """Return the size of the leading batch axis; a single motion has none."""
@@ -120,8 +120,8 @@ class Motion:
         if self.derivatives is not None:
             return self.derivatives.dq
         if self.differences == "spline":
-            return _read_only(self.spline.velocity)
-        return _read_only(first_derivative(self.q, self.time, self.differences, cyclic=self.cyclic))
+            return read_only(self.spline.velocity)
+        return read_only(first_derivative(self.q, self.time, self.differences, cyclic=self.cyclic))
 
     @cached_property
     def ddq(self) -> JointPaths:
@@ -129,8 +129,8 @@ class Motion:
         if self.derivatives is not None:
             return self.derivatives.ddq
         if self.differences == "spline":
-            return _read_only(self.spline.acceleration)
-        return _read_only(second_derivative(self.q, self.time, self.differences, cyclic=self.cyclic))
+            return read_only(self.spline.acceleration)
+        return read_only(second_derivative(self.q, self.time, self.differences, cyclic=self.cyclic))
 
     @cached_property
     def jerk(self) -> JointPaths:
@@ -138,23 +138,23 @@ class Motion:
         if self.derivatives is not None:
             return self.derivatives.jerk
         if self.differences == "spline":
-            return _read_only(np.concatenate([self.spline.jerk, self.spline.jerk[..., -1:, :]], axis=-2))
-        return _read_only(first_derivative(self.ddq, self.time, self.differences, cyclic=self.cyclic))
+            return read_only(np.concatenate([self.spline.jerk, self.spline.jerk[..., -1:, :]], axis=-2))
+        return read_only(first_derivative(self.ddq, self.time, self.differences, cyclic=self.cyclic))
 
     @cached_property
     def torque(self) -> JointPaths:
         """Joint torques (*batch, time, dof) [N m, N], gravity included."""
-        return _read_only(dynamics.inverse_dynamics(self.arm, self.q, self.dq, self.ddq))
+        return read_only(dynamics.inverse_dynamics(self.arm, self.q, self.dq, self.ddq))
 
     @cached_property
     def power(self) -> JointPaths:
         """Mechanical joint powers τᵢ q̇ᵢ (*batch, time, dof) [W]."""
-        return _read_only(dynamics.power(self.torque, self.dq))
+        return read_only(dynamics.power(self.torque, self.dq))
 
     @cached_property
     def kinetic_energy(self) -> Series:
         """Kinetic energy ½ q̇ᵀ M q̇ (*batch, time) [J]."""
-        return _read_only(dynamics.kinetic_energy(self.arm, self.q, self.dq))
+        return read_only(dynamics.kinetic_energy(self.arm, self.q, self.dq))
 
     @cached_property
     def tool(self) -> Float[np.ndarray, "*batch time axes"]:
@@ -170,7 +170,7 @@ class Motion:
     @cached_property
     def links(self) -> Float[np.ndarray, "*batch time nodes 3"]:
         """The arm as a polyline (*batch, time, dof + 2, 3) [m]: base, joints, tool."""
-        return _read_only(kinematics.link_nodes(self.arm, self.q))
+        return read_only(kinematics.link_nodes(self.arm, self.q))
 
     @cached_property
     def manipulability(self) -> Series:
@@ -179,14 +179,14 @@ class Motion:
             jacobian = self._errors[1]
         else:
             jacobian = kinematics.jacobian(self.arm, self.q)[..., : 2 if self.arm.is_planar else 6, :]
-        return _read_only(np.sqrt(np.maximum(np.linalg.det(jacobian @ np.swapaxes(jacobian, -1, -2)), 0.0)))
+        return read_only(np.sqrt(np.maximum(np.linalg.det(jacobian @ np.swapaxes(jacobian, -1, -2)), 0.0)))
 
     @cached_property
     def tracking_error(self) -> Series:
         """Largest task error of each sample (*batch, time) [m or rad]; zero without tasks."""
         if not self.tasks:
             return np.zeros(self.q.shape[:-1])
-        return _read_only(np.abs(self._errors[0]).max(axis=-1))
+        return read_only(np.abs(self._errors[0]).max(axis=-1))
 
     @cached_property
     def position_error(self) -> Series:
@@ -196,12 +196,12 @@ class Motion:
         error, _ = self._errors
         first_rows = np.cumsum([0, *(task.rows for task in self.tasks)])
         parts = [error[..., row : row + task.position_rows] for task, row in zip(self.tasks, first_rows, strict=False)]
-        return _read_only(np.max([np.linalg.norm(part, axis=-1) for part in parts], axis=0))
+        return read_only(np.max([np.linalg.norm(part, axis=-1) for part in parts], axis=0))
 
     @cached_property
     def clearance(self) -> Series:
         """Distance of the links, capsules of ``link_radius``, from the nearest obstacle (*batch, time) [m]."""
-        return _read_only(clearance(self.obstacles, self.links, self.link_radius))
+        return read_only(clearance(self.obstacles, self.links, self.link_radius))
 
     @cached_property
     def spline(self) -> Spline:
@@ -296,9 +296,4 @@ class Motion:
     @cached_property
     def _tool_pose(self) -> tuple[np.ndarray, np.ndarray]:
         rotation, position = kinematics.forward_kinematics(self.arm, self.q)
-        return _read_only(rotation), _read_only(position)
-
-
-def _read_only(array: np.ndarray) -> np.ndarray:
-    array.setflags(write=False)
-    return array
+        return read_only(rotation), read_only(position)

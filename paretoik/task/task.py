@@ -13,7 +13,7 @@ from jaxtyping import Float
 from paretoik.arrays import Times
 from paretoik.autodiff.tape import where
 from paretoik.errors import InvalidInput
-from paretoik.robot.arm import Arm, Frame
+from paretoik.robot.arm import Arm
 from paretoik.robot.components import (
     Component,
     Matrix,
@@ -27,6 +27,7 @@ from paretoik.robot.components import (
     times,
     transpose,
 )
+from paretoik.robot.frame import Frame
 from paretoik.robot.kinematics import LinkFrames, frame_components, jacobian_components, link_frames
 from paretoik.robot.pose import quaternion_to_matrix, rotation_vector
 from paretoik.task.path import Path

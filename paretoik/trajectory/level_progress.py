@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from paretoik.task.motion_task import MotionTask
 
@@ -16,11 +16,14 @@ from paretoik.task.motion_task import MotionTask
 class LevelProgress:
     """A level of samples that is done: its task, the motions that it started from, and the distinct optima, best first.
 
-    Where none of the level's motions keeps all limits these are the least-violating ones.
+    Where none of the level's motions keeps all limits the optima are the least-violating ones. ``ends`` are the motions
+    that the starts led to, ``converged`` says of which a solver says that they are optimal.
     """
 
     task: MotionTask
     starts: Float[np.ndarray, "starts samples dof"]
+    ends: Float[np.ndarray, "starts samples dof"]
+    converged: Bool[np.ndarray, " starts"]
     optima: Float[np.ndarray, "optima samples dof"]
 
     @property

@@ -128,6 +128,7 @@ def refine_levels(
         try:
             more = None if further is None else further(program, q, None if coarser is None else coarser[1])
             solutions, q = _solve_level(search, q, more)
+            ends = solutions
             if restore and (first or not finer) and not solutions.converged.any():
                 solutions = _restore(program, solutions, q[: 2 * OPTIONS.restored * first], weights, upper, solver)
         except Interrupted as stop:
@@ -139,7 +140,8 @@ def refine_levels(
                 solutions = disturb(program, solutions)[:limit]
         levels.append((len(task.times), len(solutions)))
         if observe is not None:
-            observe(LevelProgress(task=task, starts=q, optima=solutions.x))
+            level = LevelProgress(task=task, starts=q, ends=ends.x, converged=ends.converged, optima=solutions.x)
+            observe(level)
         if restore and first and not solutions.converged.any():
             break
         if finer:

@@ -62,12 +62,13 @@ class Optimum:
 class Plan:
     """Distinct local optima, best first, each with ``motion``, ``objective``, ``label`` of its branch and ``status``.
 
-    ``levels`` are the numbers of samples and of optima at each level, coarse to fine; ``provenance`` says how the plan
-    came about, as a front's does.
+    ``levels`` are the numbers of samples and of optima at each level, coarse to fine, ``starts`` how many motions the
+    first of them started from; ``provenance`` says how the plan came about, as a front's does.
     """
 
     optima: tuple[Optimum, ...]
     levels: tuple[tuple[int, int], ...]
+    starts: int = 0
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
     @property
@@ -114,13 +115,13 @@ def find_optima(
         check_solver(motion_program(task), solver)
     initial_solutions = _minimise_initial(task, initial, solver)
     try:
-        solutions, levels = _search(task, starts, seed, initial, solver, observe)
+        solutions, levels, count = _search(task, starts, seed, initial, solver, observe)
     except (Infeasible, SolverFailed, Interrupted):
         if not len(initial_solutions):
             raise
-        solutions, levels = initial_solutions, ()
+        solutions, levels, count = initial_solutions, (), len(initial_solutions)
     solutions = _merge(task, solutions, initial_solutions) if len(initial_solutions) else solutions
-    return Plan(optima=_optima(task, solutions, initial, solver), levels=levels)
+    return Plan(optima=_optima(task, solutions, initial, solver), levels=levels, starts=count)
 
 
 def _minimise_initial(
@@ -140,21 +141,21 @@ def _search(
     initial: Float[np.ndarray, "motions time dof"] | None,
     solver: Solver,
     observe: ObserveLevel | None,
-) -> tuple[Solutions, tuple[tuple[int, int], ...]]:
-    """Return the distinct optima from starts on the coarsest level that leads to some, and the levels from there on.
+) -> tuple[Solutions, tuple[tuple[int, int], ...], int]:
+    """Return the distinct optima from starts on the coarsest level that leads to some, with what ``_search_from`` adds.
 
     Raises Infeasible or SolverFailed where none leads to any.
     """
     stages = first_levels(len(task.times))
     for first in stages:
         try:
-            solutions, levels = _search_from(task, first, starts, seed, initial, solver, observe)
+            solutions, levels, count = _search_from(task, first, starts, seed, initial, solver, observe)
         except Infeasible:  # too coarse, perhaps
             if first == stages[-1]:
                 raise
             continue
         if solutions.converged.any() or (solutions.status == INTERRUPTED).any():
-            return solutions, levels
+            return solutions, levels, count
         level = task.subsample(solutions.x.shape[1])
         if is_clearly_infeasible(level, level.motion(solutions.x[0])):
             break
@@ -169,8 +170,11 @@ def _search_from(
     initial: Float[np.ndarray, "motions time dof"] | None,
     solver: Solver,
     observe: ObserveLevel | None,
-) -> tuple[Solutions, tuple[tuple[int, int], ...]]:
-    """Return the distinct optima from starts on the level ``first``, and samples and optima of each level."""
+) -> tuple[Solutions, tuple[tuple[int, int], ...], int]:
+    """Return the distinct optima from starts on the level ``first``, samples and optima of each level, and the starts.
+
+    Their number includes those of a level that a signal cut short.
+    """
     level, rng = coarsest_level(task, first), np.random.default_rng(seed)
     count = RESTARTS.starts if starts is None else starts
     q = sample_starts(level, count * max(task.redundancy, 1), rng)
@@ -178,10 +182,10 @@ def _search_from(
     programs = level_programs(task, objective_scales(task, np.concatenate([warm, q])), first)
     supported = not programs[-1].unsupported
     portions = first_portions(q) if starts is None and supported else [q]
-    restarts = LevelRestarts(portions[1:], count, rng, solver)
-    return refine_levels(
+    restarts, begin = LevelRestarts(portions[1:], count, rng, solver), np.concatenate([warm, portions[0]])
+    solutions, levels = refine_levels(
         programs,
-        np.concatenate([warm, portions[0]]),
+        begin,
         np.ones(1),
         np.full(1, np.inf),
         observe,
@@ -190,6 +194,7 @@ def _search_from(
         disturb=restarts.disturb if supported else None,
         solver=solver,
     )
+    return solutions, levels, restarts.first_starts or len(begin)
 
 
 def _merge(task: MotionTask, solutions: Solutions, initial: Solutions) -> Solutions:

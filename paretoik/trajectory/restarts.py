@@ -194,6 +194,11 @@ class LevelRestarts:
         self.policies = list[RestartPolicy]()  # of the first level, and of the next where that misled
         self.compared = False  # the first level with the next
 
+    @property
+    def first_starts(self) -> int:
+        """Number of starts of the first level so far; 0 where it was not begun."""
+        return len(self.policies[0].independent) if self.policies else 0
+
     def further(self, program: MotionProgram, q: np.ndarray, coarser: Solutions | None) -> Further | None:
         """Return what adds starts on a level; None for none."""
         if coarser is None:

@@ -16,7 +16,7 @@ from jaxtyping import Float
 import paretoik as pk
 from paretoik.capability.joint_capability import Quantity
 from paretoik.review.palette import PAPER
-from paretoik.review.plots import label
+from paretoik.review.pictures.plots import label
 from problems.kim_2021 import PLACE, WAYS
 from studies.kim_2021.exactness import SAME
 from studies.kim_2021.posture_program import posture_program

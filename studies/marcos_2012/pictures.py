@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from paretoik.review.loop_plots import obstacle_patches
 from paretoik.review.palette import PAPER
-from paretoik.review.plots import stroboscopic
+from paretoik.review.pictures.loop_plots import obstacle_patches
+from paretoik.review.pictures.plots import stroboscopic
 from problems.marcos_2012 import DISTANCES
 from studies.marcos_2012.loops import Cell, CellLoop
 from studies.reporting import drawing

@@ -38,6 +38,18 @@ def test_folders_of_one_name_get_longer_labels(run, tmp_path):
     assert pk.compare(*folders, labels=["x", "x"]).groups == {"x": [0, 1]}
 
 
+def test_labels_are_as_long_as_it_takes_to_tell_folders_apart(run, tmp_path):
+    _, front = run
+    names = ("x/energy/seed", "y/energy/seed", "y/other/seed", "front 1", "alone")
+    folders = [tmp_path / name for name in names]
+    for folder in folders:
+        replace(front, problem=None).save(folder)
+    labels = pk.compare(front, *folders, folders[0]).labels
+    expected = ("front 1", "x/energy/seed", "y/energy/seed", "other/seed", f"{tmp_path.name}/front 1", "alone")
+    assert labels == (*expected, "x/energy/seed")
+    assert set(pk.compare(*folders[:2]).groups) == {"x/energy/seed", "y/energy/seed"}
+
+
 @pytest.mark.usefixtures("unchecked")
 def test_what_is_no_front_or_label_is_refused(run, tmp_path):
     folder, front = run

@@ -12,7 +12,6 @@ import pytest
 import paretoik as pk
 from paretoik.api.completion import complete_front
 from paretoik.errors import Infeasible, SolverFailed
-from paretoik.pareto.scalarisation import ranges_of
 from paretoik.stop_flag import STOP
 from tests.api.problems import tracking
 

@@ -32,6 +32,21 @@ def test_a_choice_says_in_the_file_which_point_it_is_and_what_made_it(front, tmp
         np.testing.assert_allclose(values, own, atol=1e-7)
 
 
+def test_without_a_rate_or_a_controller_the_samples_are_the_motions_own(tmp_path):
+    trajectory = pk.export(SWING, tmp_path / "swing.csv")
+    np.testing.assert_allclose(trajectory.time, SWING.time, atol=1e-9)
+    np.testing.assert_allclose(trajectory.q, SWING.q, atol=1e-12)
+
+
+def test_what_export_says_itself_is_said_by_no_one_else(front, tmp_path):
+    choice = front.select(pk.Weights(kinetic_energy=1))
+    for name in ("point", "reason", "made by", "use of limits"):
+        with pytest.raises(InvalidInput, match=f"got '{name}'"):
+            pk.export(choice, tmp_path / "a.csv", metadata={name: "mine"})
+    named = {"kinetic_energy": "0.5 J s"}
+    assert pk.export(choice, tmp_path / "a.csv", metadata={"objectives": named}).metadata["objectives"] == named
+
+
 def test_a_controller_gives_its_rate_and_the_use_of_its_limits(tmp_path):
     trajectory = pk.export(SWING, tmp_path / "swing.csv", controller="franka")
     assert (trajectory.metadata["controller"], trajectory.metadata["rate"], len(trajectory.time)) == (
@@ -64,8 +79,10 @@ def test_columns_follow_the_joint_names_that_are_asked_for(tmp_path):
     np.testing.assert_array_equal(turned.q, own.q[:, ::-1])
 
 
-def test_limits_are_those_of_the_joints_by_name_in_whatever_order_they_are_written(tmp_path):
-    own = bench(PANDA, velocity=[9, 9, 9, 9, 9, 9, 0.1])
+@pytest.mark.parametrize("turned", [False, True])
+def test_limits_are_those_of_the_joints_by_name_in_whatever_order_they_are_written(turned, tmp_path):
+    order = slice(None, None, -1 if turned else 1)
+    own = bench(PANDA, velocity=[9, 9, 9, 9, 9, 9, 0.1][order], joint_names=PANDA.joint_names[order])
     with pytest.raises(Infeasible, match="velocity of panda_joint7"):
         pk.export(SWING, tmp_path / "a.csv", controller=own, joint_names=PANDA.joint_names[::-1])
 
@@ -83,7 +100,6 @@ def test_a_file_that_is_there_is_replaced_only_where_told(tmp_path):
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
-        ({"rate": None}, "rate: the controller's, in Hz (--rate), or a controller (--controller) wanted, got neither"),
         ({"rate": 0}, "rate: must be positive, got 0 Hz"),
         ({"rate": "1 kHz"}, "rate: must hold real numbers, got text"),
         ({"controller": "abb"}, "controller: one of franka, ur, kinova, panda"),
@@ -97,7 +113,18 @@ def test_a_file_that_is_there_is_replaced_only_where_told(tmp_path):
         ({"format": "xml"}, "format: one of csv, parquet, npz, joint-trajectory, ros2-bag wanted, got 'xml'"),
         ({"file": None}, "file: a path wanted, got None"),
         ({"file": "swing"}, "swing: a format of csv"),
+        ({"file": "a\0b.csv"}, r"file: a path wanted, got 'a\x00b.csv'"),
+        ({"file": ".", "format": "csv"}, "export: wanted a file to write into, got the folder ."),
+        (
+            {"file": "/", "format": "ros2-bag", "overwrite": True},
+            "bag: wanted a folder of its own to write into, got the folder /",
+        ),
+        ({"file": "x" * 300 + ".csv"}, "x.csv: wanted to write it, got File name too long"),
         ({"motion": None}, "motion: a Motion or the Choice of one wanted, got None"),
+        (
+            {"metadata": {"rate": 7}},
+            "metadata: wanted other names than those of what export says itself, got 'rate'",
+        ),
         ({"metadata": {"by": object()}}, "metadata.by: wanted what JSON can hold, got object"),
     ],
 )

@@ -16,6 +16,7 @@ import pytest
 
 import paretoik as pk
 from paretoik.stop_flag import STOP
+from paretoik.trajectory.restarts import RestartPolicy
 from problems import tringali_2020
 
 ROOT = Path(__file__).parents[2]
@@ -47,6 +48,29 @@ def test_a_plan_returns_the_optima_of_coarser_samples_at_its_own():
     assert plan.best.motion.q.shape == whole.best.motion.q.shape
     assert plan.best.motion.tracking_error.max() <= 1e-9
     assert plan.best.objective == pytest.approx(whole.best.objective, rel=0.05)
+
+
+def interrupt_restarts(monkeypatch):
+    """Send this process a signal when the first portion of the starts of a plan is done."""
+    add = RestartPolicy.__call__
+
+    def interrupted(policy, solutions):
+        os.kill(os.getpid(), signal.SIGINT)
+        return add(policy, solutions)
+
+    monkeypatch.setattr(RestartPolicy, "__call__", interrupted)
+
+
+def test_a_plan_says_from_how_many_starts_its_optima_are_that_of_a_level_cut_short_too(monkeypatch, tmp_path):
+    problem = tracking(pk.kinetic_energy)
+    whole = pk.plan(problem, starts=8)
+    assert whole.starts >= 8
+    assert whole.provenance["counts"]["starts"] == whole.starts
+    interrupt_restarts(monkeypatch)
+    plan = pk.plan(problem, out=tmp_path)
+    assert (plan.levels, plan.provenance["status"]) == ((), "SIGINT")
+    assert 12 <= plan.starts < 48
+    assert plan.provenance["counts"]["starts"] == plan.starts == pk.load_plan(tmp_path, problem).starts
 
 
 @pytest.mark.parametrize(("stage", "least"), [("optimum", 1), ("point", 3), ("certification", 6)])

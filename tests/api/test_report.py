@@ -33,12 +33,14 @@ def test_a_run_gets_its_report_into_its_folder(run):
     assert {"fingerprint", "settings.seed", "versions.numpy", "status"} <= set(page.texts("th"))
 
 
-def test_without_its_problem_a_run_shows_positions_and_says_how_to_see_more(run, problem, tmp_path):
+def test_without_its_problem_a_run_shows_positions_and_says_how_to_see_more(run, problem):
     folder, _ = run
     page = read(pk.report(folder))
     assert [each["name"] for each in page.data["motions"]["quantities"]] == ["position"]
     assert any("pk.load_front(folder, problem)" in text for text in page.texts("p"))
-    page = read(pk.report(pk.load_front(folder, problem), tmp_path / "whole.html"))
+    file = pk.report(pk.load_front(folder, problem))
+    assert file == folder / REPORT
+    page = read(file)
     assert len(page.data["motions"]["quantities"]) == 5
     assert page.data["motions"]["arm"]["planar"]
 
@@ -51,6 +53,8 @@ def test_a_closed_loop_shows_its_steps(tmp_path):
     assert chosen.shape == (6, 2)
     np.testing.assert_allclose(chosen.mean(axis=0), front.objectives[0], rtol=1e-4)
     assert page.texts("h1") == ["A closed loop by joint_displacement and position_error"]
+    for whole in (front, pk.load_front(tmp_path / "loop", loop)):
+        assert read(pk.report(whole, tmp_path / "whole.html")).data["steps"] == page.data["steps"]
 
 
 def test_a_new_run_in_the_folder_takes_the_old_report_away(front, tmp_path):

@@ -10,6 +10,7 @@ import pytest
 import paretoik as pk
 from paretoik.run_files import DRAWING, POLYGON, RECORDING, TRACES
 from tests.api.problems import PATH, tracking
+from tests.api.test_nothing_given_is_lost import drawn
 
 
 def entries(folder) -> dict:
@@ -44,12 +45,25 @@ def test_a_damaged_plan_is_refused(tmp_path):
         pk.load_plan(tmp_path, problem)
 
 
+def test_a_plan_that_cannot_begin_leaves_the_run_that_it_was_to_replace(tmp_path):
+    problem = tracking(pk.kinetic_energy)
+    plan = pk.plan(problem, starts=4, out=tmp_path)
+    before = {file.name: file.read_bytes() for file in tmp_path.iterdir()}
+    strange = pk.plan(drawn(7), starts=4).best.motion
+    with pytest.raises(pk.InvalidInput, match="initial"):
+        pk.plan(problem, starts=4, initial=strange, out=tmp_path, overwrite=True)
+    assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == before
+    assert pk.load_plan(tmp_path, problem).best.objective == plan.best.objective
+
+
 def test_an_epsilon_front_and_its_refinement_are_runs_with_recordings(problem, tmp_path):
     front = pk.epsilon_front(problem, points=4, starts=4, out=tmp_path / "front")
     stored = pk.load_front(tmp_path / "front", problem)
     assert np.array_equal(stored.objectives, front.objectives)
     refined = pk.refine(stored, out=tmp_path / "refined")
     said = entries(tmp_path / "refined")
+    with pytest.raises(pk.InvalidInput, match="out: wants another folder than that of the run"):
+        pk.refine(stored, out=tmp_path / "front", overwrite=True)
     assert (said["verb"], said["status"], said["parent"]["verb"]) == ("refine", "refined", "epsilon_front")
     assert said["parent"]["run"] == str(tmp_path / "front")
     assert np.array_equal(pk.load_front(tmp_path / "refined").objectives, refined.objectives)

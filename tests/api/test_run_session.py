@@ -14,7 +14,7 @@ from paretoik.api.progress import RunProgress
 from paretoik.api.run_session import Subject, run_session
 from paretoik.errors import Infeasible
 from paretoik.front.front import Front
-from paretoik.review.recorder import Generation
+from paretoik.review.recording.recorder import Generation
 from paretoik.run_files import RECORDING, RUN
 from tests.search.problems import Constant
 

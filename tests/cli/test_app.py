@@ -17,7 +17,7 @@ def test_version_is_printed(paretoik):
 
 def test_help_names_every_command_and_the_exit_codes(paretoik):
     said = paretoik("--help").out
-    for word in ("list", "solve", "select", "show", "check-robot", "--version", "3 infeasible"):
+    for word in ("list", "solve", "select", "show", "check-robot", "--version", "3 infeasible", "6 interrupted"):
         assert word in said
 
 

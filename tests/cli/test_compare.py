@@ -17,8 +17,32 @@ def test_compare_prints_tables_draws_and_keeps_the_merged_front(paretoik, finish
     assert paretoik(*words, "--overwrite").code == 0
 
 
+def test_the_merged_front_replaces_none_of_those_that_are_compared(paretoik, finished):
+    before = {file.name: file.read_bytes() for file in finished.iterdir()}
+    ended = paretoik("compare", finished, finished, "--merge", finished, "--overwrite")
+    assert (ended.code, ended.out) == (2, "")
+    assert "merge: wants another folder than that of the run that it comes from" in ended.err
+    assert {file.name: file.read_bytes() for file in finished.iterdir()} == before
+
+
+def test_a_picture_replaces_a_picture_and_nothing_else_unless_told(paretoik, finished, tmp_path):
+    picture = tmp_path / "fronts.png"
+    picture.write_text("mine")
+    words = "compare", finished, finished, "--picture"
+    for file in (picture, finished / "run.json", finished):
+        assert paretoik(*words, file).code == 2
+    assert paretoik("select", finished, "--knee", "--picture", picture).code == 2
+    assert not (finished / "choices.json").exists()
+    assert picture.read_text() == "mine"
+    assert paretoik(*words, picture, "--overwrite").code == 0
+    assert paretoik(*words, picture).code == 0
+
+
 def test_compare_as_json_holds_the_numbers(paretoik, finished):
     said = strict(paretoik("compare", finished, finished, "--json").out)
     assert said["hypervolume"] == [1.0, 1.0]
     assert said["coverage"] == [[1.0, 1.0], [1.0, 1.0]]
     assert said["differences"] == {}
+    front = pk.load_front(finished)
+    assert sorted(said["attainment"]["all"]["median"]) == sorted(front.objectives.tolist())
+    assert list(said["attainment"]["labels"]) == [finished.name]  # one label, as of two runs of one method

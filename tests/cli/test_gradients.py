@@ -2,6 +2,14 @@
 
 from __future__ import annotations
 
+import os
+import re
+import signal
+from importlib import import_module
+
+import pytest
+
+from tests.api.test_interruption import interrupt_restarts
 from tests.cli.commands import strict
 
 
@@ -24,6 +32,38 @@ def test_plan_lists_the_optima(paretoik, mine, tmp_path):
     refused = paretoik("refine", tmp_path / "p", "--out", tmp_path / "r", "--quiet")
     assert refused.code == 2
     assert "holds the optima of a plan" in refused.err
+
+
+def test_an_interrupted_plan_names_the_starts_that_it_had_and_no_picture_that_it_has_not(
+    paretoik, tmp_path, monkeypatch
+):
+    file, out = tmp_path / "interrupted_plan.py", tmp_path / "p"
+    file.write_text(ONE)
+    interrupt_restarts(monkeypatch)
+    ended = paretoik("plan", f"{file}:one", "--out", out, "--quiet")
+    assert ended.code == 130
+    first = re.match(r"\d+ distinct optim(a|um) from (\d+) starts in .* s \(stopped by SIGINT\)\n", ended.out)
+    assert first is not None
+    assert int(first[2]) >= 12
+    assert "pictured" not in ended.out
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_what_is_interrupted_before_there_is_anything_is_a_line_and_a_code_of_its_own(
+    paretoik, tmp_path, monkeypatch, number
+):
+    module = import_module("paretoik.formulations.tracking")
+    file, out = tmp_path / f"plan_ended_by_{number.name}.py", tmp_path / "p"
+    file.write_text(ONE)
+    find_optima = module.find_optima
+
+    def interrupted(*arguments, **settings):
+        os.kill(os.getpid(), number)
+        return find_optima(*arguments, **settings)
+
+    monkeypatch.setattr(module, "find_optima", interrupted)
+    ended = paretoik("plan", f"{file}:one", "--out", out, "--quiet", "--json")
+    assert (ended.code, ended.out, ended.err) == (6, "", "error: interrupted before there was a whole result\n")
 
 
 def test_wrong_combinations_are_one_line_and_2(paretoik, mine, finished, tmp_path):

@@ -7,7 +7,9 @@ import pytest
 
 import paretoik as pk
 from paretoik.api.load_front import load_front
+from paretoik.execution.run_folder import LOCK
 from paretoik.loading import load_problem
+from paretoik.run_files import CHOICES
 from tests.cli.commands import strict
 
 
@@ -66,6 +68,24 @@ def test_a_wrong_wish_is_one_line_and_changes_nothing(paretoik, run):
         ended = paretoik("navigate", run, *words)
         assert ended.code == 2
         assert len(ended.err.strip().splitlines()) == 1
+    assert (run / "run.json").read_bytes() == before
+
+
+def test_a_wrong_wish_leaves_the_run_that_the_new_front_was_to_replace(paretoik, run, tmp_path):
+    other = shutil.copytree(run, tmp_path / "other")
+    (other / CHOICES).write_text("choices")
+    before = {file.name: file.read_bytes() for file in other.iterdir()}
+    words = ("navigate", run, "--point", middle(run), "--improve", "torque", "--out", other, "--overwrite")
+    assert paretoik(*words).code == 2
+    assert {file.name: file.read_bytes() for file in other.iterdir() if file.name != LOCK} == before
+
+
+def test_the_run_itself_is_no_other_folder(paretoik, run):
+    before, start = (run / "run.json").read_bytes(), middle(run)
+    words = ("--point", start, "--improve", "kinetic_energy", "--out", run / ".." / "run", "--overwrite")
+    ended = paretoik("navigate", run, *words)
+    assert ended.code == 2
+    assert "out: wants another folder than that of the run" in ended.err
     assert (run / "run.json").read_bytes() == before
 
 

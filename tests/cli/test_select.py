@@ -1,5 +1,9 @@
 from __future__ import annotations
 
+import numpy as np
+import pytest
+
+import paretoik as pk
 from paretoik.api.load_front import load_front
 from tests.cli.commands import SMALL, strict
 
@@ -40,3 +44,37 @@ def test_one_preference_is_wanted(paretoik, finished):
         ended = paretoik("select", finished, *words)
         assert ended.code == 2
         assert "wanted one of --weights, --knee" in ended.err
+
+
+@pytest.fixture
+def counted(tmp_path):
+    """A run whose ids count from 0, as those of an epsilon front or a merged one."""
+    front = pk.Front(
+        ids=np.arange(3),
+        objectives=np.array([[0.0, 1.0], [0.4, 0.4], [1.0, 0.0]]),
+        names=["energy", "torque"],
+        units=["J", "N m"],
+        maximised=[False, False],
+    )
+    front.save(tmp_path / "counted")
+    return tmp_path / "counted"
+
+
+def test_the_point_with_id_0_can_be_asked_for(paretoik, counted):
+    assert strict(paretoik("select", counted, "--point", 0, "--json").out)["id"] == 0
+    assert strict(paretoik("select", counted, "--point", 0, "--bounds", "energy<=0.5", "--json").out)["id"] == 0
+    for other in ("--history", "--undo"):
+        ended = paretoik("select", counted, other, "--point", 0)
+        assert (ended.code, "got --point too" in ended.err) == (2, True)
+    both = paretoik("select", counted, "--point", 0, "--knee")
+    assert (both.code, "got --knee and --point" in both.err) == (2, True)
+
+
+@pytest.mark.parametrize(("option", "owner"), [("uncertainty", "robust"), ("from", "classify")])
+def test_an_option_of_another_preference_is_refused(paretoik, counted, option, owner):
+    for words in (("--weights", "energy=1"), ("--bounds", "energy<=0.5"), ("--history",)):
+        ended = paretoik("select", counted, *words, f"--{option}", 0)
+        assert ended.code == 2
+        assert len(ended.err.strip().splitlines()) == 1
+    ended = paretoik("select", counted, "--knee", f"--{option}", 0)
+    assert f"{option}: wanted it beside --{owner} alone, got no --{owner}" in ended.err

@@ -4,7 +4,7 @@ import pytest
 
 from paretoik.cli.show import show
 from paretoik.errors import InvalidInput
-from paretoik.run_files import RECORDING
+from paretoik.run_files import DRAWING, RECORDING, write_run
 
 
 @pytest.fixture
@@ -20,4 +20,13 @@ def test_a_viewer_that_finds_no_screen_says_what_to_do(without_screen, finished)
 
 def test_a_run_without_recording_is_refused(tmp_path):
     with pytest.raises(InvalidInput, match=rf"{RECORDING}: wanted a recording, got nothing"):
+        show(tmp_path)
+
+
+def test_a_run_of_something_else_without_recording_says_what_it_holds_and_where_its_picture_is(tmp_path):
+    write_run(tmp_path, {"format": 1, "holds": "the optima of a plan, which load_plan opens"})
+    with pytest.raises(InvalidInput, match=rf"{RECORDING}: wanted a recording, got a run that holds the optima of a"):
+        show(tmp_path)
+    (tmp_path / DRAWING).write_bytes(b"")
+    with pytest.raises(InvalidInput, match=rf"which load_plan opens; its picture is {tmp_path / DRAWING}"):
         show(tmp_path)

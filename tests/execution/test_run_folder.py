@@ -5,27 +5,31 @@ import os
 import signal
 import subprocess
 import sys
+import warnings
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
 from paretoik.errors import InvalidInput
-from paretoik.execution.run_folder import LOCK, claim_folder
-from paretoik.run_files import CONTENTS, RUN, write_run
+from paretoik.execution.run_folder import LOCK, claim_folder, lock_folder
+from paretoik.run_files import CHOICES, CONTENTS, FORMER, RECORDING, RUN, former_note, write_run
 
 HOLDER = """
-import sys, time
+import json, sys, time
 from paretoik.execution.run_folder import claim_folder
 from paretoik.run_files import write_run
-with claim_folder(sys.argv[1]) as folder:
-    write_run(folder, {"status": "running"})
+with claim_folder(sys.argv[1], overwrite=True) as folder:
+    write_run(folder, json.loads(sys.argv[2]))
     print("held", flush=True)
     time.sleep(60)
 """
+RESULT = {"status": "done", "files": {}}
 
 
-def holder(folder: Path) -> subprocess.Popen[str]:
-    process = subprocess.Popen([sys.executable, "-c", HOLDER, str(folder)], stdout=subprocess.PIPE, text=True)
+def holder(folder: Path, entries: dict | None = None) -> subprocess.Popen[str]:
+    command = [sys.executable, "-c", HOLDER, str(folder), json.dumps(entries or {"status": "running"})]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
     assert process.stdout.readline() == "held\n"
     return process
@@ -76,16 +80,108 @@ def test_a_run_file_of_another_program_does_not_make_a_run(tmp_path, content):
     assert (tmp_path / RUN).read_text() == content
 
 
+def finished_run(folder: Path) -> dict[str, bytes]:
+    """Make a run with a result in a folder, beside a file of the user's; return what all its files hold."""
+    with claim_folder(folder):
+        write_run(folder, RESULT)
+    (folder / "checkpoint").mkdir()
+    (folder / "checkpoint" / "state.npz").write_text("state")
+    (folder / CHOICES).write_text("choices")
+    (folder / "notes.txt").write_text("mine")
+    return contents(folder)
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    files = {str(file.relative_to(folder)): file for file in folder.rglob("*") if file.is_file()}
+    return {name: file.read_bytes() for name, file in files.items() if name != LOCK}
+
+
 def test_a_run_is_overwritten_only_when_told_and_only_its_own_files_go(tmp_path):
-    with claim_folder(tmp_path) as folder:
-        write_run(folder, {"status": "done"})
-    (tmp_path / "checkpoint").mkdir()
-    (tmp_path / "checkpoint" / "state.npz").touch()
-    (tmp_path / "notes.txt").write_text("mine")
+    finished_run(tmp_path)
     with pytest.raises(InvalidInput, match="permission to overwrite"), claim_folder(tmp_path):
         pass
     with claim_folder(tmp_path, overwrite=True):
-        assert sorted(file.name for file in tmp_path.iterdir()) == [LOCK, "notes.txt"]
+        assert sorted(file.name for file in tmp_path.iterdir()) == [FORMER, LOCK, "notes.txt"]
+        write_run(tmp_path, RESULT)
+    assert sorted(file.name for file in tmp_path.iterdir()) == [LOCK, "notes.txt", RUN]
+
+
+@pytest.mark.parametrize("error", [InvalidInput, KeyboardInterrupt, SystemExit, None])
+def test_a_run_is_back_as_it_was_where_the_new_one_comes_to_no_result(tmp_path, error):
+    before = finished_run(tmp_path)
+    with suppress(InvalidInput, KeyboardInterrupt, SystemExit), claim_folder(tmp_path, overwrite=True):
+        write_run(tmp_path, {"status": "running"})
+        (tmp_path / RECORDING).write_text("of the new one")
+        (tmp_path / CHOICES).write_text("of the new one")
+        if error is not None:
+            raise error
+    assert contents(tmp_path) == before
+
+
+def test_a_new_run_that_has_a_result_stays_however_it_ends(tmp_path):
+    finished_run(tmp_path)
+    with suppress(KeyboardInterrupt), claim_folder(tmp_path, overwrite=True):
+        write_run(tmp_path, RESULT)
+        (tmp_path / RECORDING).write_text("of the new one")
+        raise KeyboardInterrupt
+    assert sorted(contents(tmp_path)) == ["notes.txt", RECORDING, RUN]
+
+
+def test_a_run_without_a_result_is_replaced_by_the_reason_of_the_next_failure(tmp_path):
+    write_run(tmp_path, {"status": "running"})
+    with suppress(InvalidInput), claim_folder(tmp_path, overwrite=True):
+        write_run(tmp_path, {"status": "InvalidInput"})
+        raise InvalidInput("seed: an integer wanted")
+    assert json.loads((tmp_path / RUN).read_text())["status"] == "InvalidInput"
+
+
+def test_a_killed_process_leaves_the_run_that_it_was_to_replace(tmp_path):
+    before = finished_run(tmp_path)
+    process = holder(tmp_path)
+    process.send_signal(signal.SIGKILL)
+    process.communicate()
+    assert former_note(tmp_path) == f"; the run that it was to replace is in {tmp_path / FORMER}"
+    with pytest.warns(RuntimeWarning, match="that run is back"), lock_folder(tmp_path):
+        assert contents(tmp_path) == before
+
+
+def test_a_killed_process_with_a_result_has_replaced_the_run(tmp_path):
+    finished_run(tmp_path)
+    process = holder(tmp_path, RESULT)
+    process.send_signal(signal.SIGKILL)
+    process.communicate()
+    with pytest.raises(InvalidInput, match="permission to overwrite"), claim_folder(tmp_path):
+        pass
+    assert sorted(contents(tmp_path)) == ["notes.txt", RUN]
+
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from paretoik.execution.run_folder import claim_folder
+from paretoik.run_files import write_run
+left, rename = int(sys.argv[2]), Path.rename
+def counted(self, target):
+    global left
+    if not left:
+        os.kill(os.getpid(), signal.SIGKILL)
+    left -= 1
+    return rename(self, target)
+Path.rename = counted
+with claim_folder(sys.argv[1], overwrite=True) as folder:
+    write_run(folder, {"status": "running"})
+    (folder / "choices.json").write_text("of the new one")
+"""
+MOVES = 2 * 3 + 2  # three entries out and back, and the folder that they are in renamed twice
+
+
+@pytest.mark.parametrize("moves", range(MOVES))
+def test_wherever_a_process_is_killed_while_it_moves_a_run_nothing_of_it_is_lost(tmp_path, moves):
+    before = finished_run(tmp_path)
+    killed = subprocess.run([sys.executable, "-c", KILLED, str(tmp_path), str(moves)], check=False)
+    assert killed.returncode == -signal.SIGKILL
+    with warnings.catch_warnings(action="ignore"), lock_folder(tmp_path):
+        assert contents(tmp_path) == before
 
 
 def test_a_checkpoint_that_is_a_link_is_removed_and_not_followed(tmp_path):

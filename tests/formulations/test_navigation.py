@@ -72,7 +72,7 @@ def assert_kept(front, moved):
     """Whatever was on the front is as it was, unless it is dominated."""
     for id in front.ids:
         if id in moved.ids:
-            before, after = front.choice_of(int(id)), moved.choice_of(int(id))
+            before, after = front[int(id)], moved[int(id)]
             assert np.array_equal(before.objectives, after.objectives)
             if before.motion is not None:
                 assert np.array_equal(before.motion.q, after.motion.q)
@@ -86,7 +86,7 @@ def test_a_move_gains_what_was_asked_is_certified_and_new(front):
         moved = front.navigate(start, improve=name)
         new, note = moved.navigated, moved.provenance["navigations"][-1]
         assert note["to"] == new.id
-        change = (new.objectives - front.choice_of(start).objectives)[k]
+        change = (new.objectives - front[start].objectives)[k]
         assert abs(change) == pytest.approx(note["by"] * note["share"], rel=1e-5)
         assert (change > 0) == front.maximised[k]
         if note["new"]:
@@ -109,10 +109,19 @@ def test_small_moves_cost_what_exchange_rates_say():
     assert moved.provenance["navigations"][-1]["predicted"]["manipulability"] == pytest.approx(change[1], rel=0.05)
 
 
+def test_a_part_of_a_front_gives_no_id_of_the_whole_again(plain):
+    part = plain[[id for id in plain.ids.tolist() if id != plain.ids.max()]]
+    part = part.where(kinetic_energy=(None, float(np.sort(part.objectives[:, 0])[-2])))
+    for start in part.ids.tolist()[1:3]:
+        moved = part.navigate(start, improve="kinetic_energy")
+        assert moved.provenance["navigations"][-1]["new"]
+        assert moved.navigated.id > plain.ids.max()
+
+
 def test_what_is_on_hold_gets_no_worse():
     front = pk.epsilon_front(MAKERS["three"](), points=8, starts=8, observe=False)
-    start = max(front.ids, key=lambda id: front.certificates.weights[front.choice_of(int(id)).index].min())
-    before = front.choice_of(int(start))
+    start = max(front.ids, key=lambda id: front.certificates.weights[front[int(id)].index].min())
+    before = front[int(start)]
     moved = front.navigate(before, improve="kinetic_energy", hold="joint_travel", by=0.02 * np.ptp(front.ranges[0]))
     change = moved.navigated.objectives - before.objectives
     widths = np.ptp(front.ranges, axis=1)
@@ -121,7 +130,7 @@ def test_what_is_on_hold_gets_no_worse():
 
 
 def test_there_and_back_is_where_it_began(plain):
-    start = plain.choice_of(inner_points(plain)[1])
+    start = plain[inner_points(plain)[1]]
     by = 0.04 * float(np.ptp(plain.ranges[0]))
     there = plain.navigate(start, improve="kinetic_energy", by=by)
     torque = float(there.navigated.objectives[1] - start.objectives[1])
@@ -151,6 +160,14 @@ def test_more_than_there_is_is_said_or_refused(plain):
         plain.navigate(start, improve="torque_norm", by=100 * float(np.ptp(plain.ranges[1])))
 
 
+def test_along_a_front_without_curvature_a_move_leads_somewhere():
+    front = pk.epsilon_front(directions(), points=9, starts=8, observe=False, seed=3)
+    moved = front.navigate(3, improve="speed_1", by=0.00137)
+    change = moved.navigated.objectives - front[3].objectives
+    assert change[front.names.index("speed_1")] == pytest.approx(0.00137, rel=1e-5)
+    assert moved.certificates.kkt_residual[moved.navigated.index] <= 1e-6
+
+
 def test_past_kinks_it_is_solved_anew_and_said():
     front = pk.epsilon_front(MAKERS["kinked"](), points=6, starts=8, observe=False)
     moved = front.navigate(inner_points(front)[0], improve="kinetic_energy")
@@ -173,6 +190,6 @@ def test_around_a_point_come_new_certified_ones(plain):
     new = [int(id) for id in denser.ids if id not in plain.ids]
     assert len(new) == 4
     assert denser.certificates.kkt_residual.max() <= 1e-6
-    here = denser.choice_of(start).objectives[0]
-    assert sum(denser.choice_of(id).objectives[0] < here for id in new) == 2
+    here = denser[start].objectives[0]
+    assert sum(denser[id].objectives[0] < here for id in new) == 2
     assert_kept(plain, denser)

@@ -1,7 +1,12 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
+import os
+import shutil
+import subprocess
+import sys
+from dataclasses import asdict, replace
+from pathlib import Path
 
 import pytest
 
@@ -9,7 +14,37 @@ from paretoik.errors import InvalidInput, InvalidRun
 from paretoik.front.choices import read_choices
 from paretoik.front.front import Front
 from paretoik.front.preferences import Bounds, Weights
-from paretoik.run_files import CHOICES
+from paretoik.run_files import CHOICES, run_bytes
+
+ROOT = Path(__file__).parents[2]
+GROWING = """
+import sys
+from dataclasses import replace
+import numpy as np
+from paretoik.front.front import Front
+
+front = Front.load(sys.argv[1])
+print("loaded", flush=True)
+for count in range(10_000):
+    ids, objectives = np.append(front.ids, 100 + count), np.vstack([front.objectives, [[6.0 + count, 50.0 + count]]])
+    front = replace(front, ids=ids, objectives=objectives, motions=None, genes=None, violation=None)
+    front.save(sys.argv[1])
+"""
+SELECTING = """
+import sys, warnings
+from paretoik.errors import InvalidInput
+from paretoik.front.front import Front
+
+front = Front.load(sys.argv[1])
+with warnings.catch_warnings(record=True) as caught:
+    warnings.simplefilter("always")
+    print(front.select(20).id, *(warning.message for warning in caught))
+try:
+    front.undo()
+except InvalidInput as refused:
+    print(refused)
+"""
+WITHOUT_PRIVILEGES = ["setpriv", "--bounding-set=-all", "--inh-caps=-all"]  # root may write everywhere with them
 
 
 @pytest.fixture
@@ -34,11 +69,36 @@ def test_choices_are_a_tree_and_going_back_deletes_nothing(kept):
     assert len(repr(choices).splitlines()) == 3
 
 
+def test_thousands_of_choices_are_written_as_a_tree(kept):
+    kept.select(20)
+    first = kept.choices.entries[0]
+    entries = [replace(first, id=id, parent=id - 1 or None) for id in range(1, 3001)]
+    entries += [replace(first, id=id, parent=parent) for id, parent in ((3001, 1), (3002, None), (3003, 3002))]
+    content = {"entries": [asdict(entry) for entry in entries], "current": 3001}
+    (kept.folder / CHOICES).write_bytes(run_bytes(content))
+    lines = repr(kept.choices).splitlines()
+    assert [line.split(".")[0] for line in lines] == [
+        "  1",
+        *(f"    {id}" for id in range(2, 3002)),
+        "  3002",
+        "  3003",
+    ]
+    assert [line for line in lines if line.endswith("  <- now")] == lines[3000:3001]
+
+
 def test_the_first_choice_can_be_taken_back_but_no_more(kept):
     kept.select({"energy": 1.0})
     assert kept.undo() is None
     with pytest.raises(InvalidInput, match="wanted a choice to go back from, got none"):
         kept.undo()
+
+
+def test_a_part_without_the_point_of_the_choice_before_leaves_the_present_one(kept):
+    first, second = kept.select(20), kept.select(30)
+    with pytest.raises(InvalidInput, match="undo: wanted ids of its points"):
+        kept[[second.id]].undo()
+    assert kept.choices.current == 2
+    assert kept[[first.id]].undo().id == first.id
 
 
 def test_a_preference_is_kept_as_data_in_strict_json(kept):
@@ -88,3 +148,50 @@ def test_saving_into_its_own_folder_keeps_the_choices_and_losing_points_is_refus
     assert len(kept.choices) == 1
     with pytest.raises(InvalidInput, match="points that this front has not"):
         kept.where(energy=(None, 2.0)).save(kept.folder)
+
+
+def test_no_choice_is_lost_while_another_process_saves_points_into_the_run(kept):
+    command = [sys.executable, "-c", GROWING, str(kept.folder)]
+    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) as saving:
+        try:
+            assert saving.stdout.readline() == "loaded\n"
+            for count in range(40):
+                kept.select([10, 20, 30][count % 3])
+            assert saving.poll() is None
+        finally:
+            saving.kill()
+    grown = Front.load(kept.folder)
+    assert len(grown) > len(kept)
+    assert len(grown.choices) == 40
+
+
+def test_a_folder_that_cannot_be_written_keeps_no_choice_and_the_choice_is_made(kept):
+    if os.getuid() == 0 and shutil.which("setpriv") is None:
+        pytest.skip("root can write everywhere")
+    kept.select(10)
+    kept.folder.chmod(0o555)
+    prefix = WITHOUT_PRIVILEGES if os.getuid() == 0 else []
+    command = [*prefix, sys.executable, "-c", SELECTING, str(kept.folder)]
+    lines = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout.splitlines()
+    kept.folder.chmod(0o755)
+    refusal = f"{kept.folder / CHOICES}: wanted to write it, got Permission denied"
+    assert lines == [f"20 the choice is not kept: {refusal}", refusal]
+    assert len(kept.choices) == 1
+
+
+def test_choices_that_are_a_link_or_a_folder_are_refused_and_left(kept, tmp_path):
+    kept.select(10)
+    file, elsewhere = kept.folder / CHOICES, tmp_path / "elsewhere.json"
+    file.rename(elsewhere)
+    content = elsewhere.read_bytes()
+    for make, kind in ((lambda: file.symlink_to(elsewhere), "a link"), (file.mkdir, "something else")):
+        make()
+        for ask in (lambda: kept.select(20), kept.undo, lambda: kept.choices):
+            with pytest.raises(InvalidRun, match=f"wanted a plain file, got {kind}"):
+                ask()
+        assert kept.select(20, keep=False).id == 20
+        if file.is_symlink():
+            file.unlink()
+    assert elsewhere.read_bytes() == content
+    with pytest.raises(InvalidInput, match="wanted to remove it, got Is a directory"):
+        replace(kept, objectives=2 * kept.objectives).save(kept.folder, overwrite=True)

@@ -134,6 +134,19 @@ def test_attainment_is_that_of_one_label_where_asked():
     np.testing.assert_array_equal(comparison.attainment(0.5, "a"), alone)
 
 
+def test_the_surfaces_of_a_label_are_what_one_run_half_and_all_attain():
+    rng = np.random.default_rng(2)
+    comparison = compared(*(make(rng.uniform(size=(8, 2))) for _ in range(5)), labels=["a", "b", "a", "a", "b"])
+    for label, count in ((None, 5), ("a", 3), ("b", 2)):
+        for name, share in (("best", 1 / count), ("median", 0.5), ("worst", 1.0)):
+            np.testing.assert_array_equal(comparison.surfaces(label)[name], comparison.attainment(share, label))
+    told = comparison_entries(comparison)["attainment"]
+    assert list(told["labels"]) == ["a", "b"]
+    values = np.concatenate([front.objectives for front in comparison.fronts])
+    np.testing.assert_array_equal(np.sort(told["all"]["best"], axis=0), np.sort(values[non_dominated(values)], axis=0))
+    assert comparison_entries(compared(make(np.eye(4)), make(np.eye(4))))["attainment"] is None
+
+
 def test_what_cannot_be_attained_is_refused():
     flat, four = make(np.eye(2)), make(np.eye(4))
     with pytest.raises(InvalidInput, match="attainment: wanted two or three objectives, got 4"):
@@ -179,27 +192,31 @@ B = np.array([[1.0, 3.0], [2.0, 2.0], [6.0, -1.0], [7.0, -2.0]])
 
 def test_a_merged_front_says_where_each_point_comes_from():
     a, b = moving(A, provenance={"fingerprint": "x", "problem": "p.py:f"}), moving(B, provenance={"fingerprint": "x"})
-    comparison = compared(a, b, labels=["a", "b"])
+    comparison = compared(a, b, labels=["same", "same"])  # two seeds of one method
     merged = comparison.merged
     assert merged.ids.tolist() == [0, 3, 1, 2, 4, 5]
-    assert comparison.origins == {0: ("a", 0), 1: ("a", 3), 2: ("a", 6), 3: ("b", 0), 4: ("b", 6), 5: ("b", 9)}
-    fronts = {"a": a, "b": b}
+    assert comparison.origins == {0: (0, 0), 1: (0, 3), 2: (0, 6), 3: (1, 0), 4: (1, 6), 5: (1, 9)}
     for row, number in enumerate(merged.ids):
-        label, old = comparison.origins[int(number)]
-        (there,) = np.flatnonzero(fronts[label].ids == old)
-        np.testing.assert_array_equal(merged.objectives[row], fronts[label].objectives[there])
-        np.testing.assert_array_equal(merged.motions.q[row], fronts[label].motions.q[there])
-        assert merged.violation[row] == fronts[label].violation[there]
+        place, old = comparison.origins[int(number)]
+        source = comparison.fronts[place]
+        (there,) = np.flatnonzero(source.ids == old)
+        np.testing.assert_array_equal(merged.objectives[row], source.objectives[there])
+        np.testing.assert_array_equal(merged.motions.q[row], source.motions.q[there])
+        assert merged.violation[row] == source.violation[there]
     assert merged.provenance["problem"] == "p.py:f"
     assert merged.provenance["merged"]["left_out"] == []
 
 
 def test_a_merged_front_can_be_kept_and_opened_again(tmp_path):
-    merged = compared(moving(A), moving(B)).merged
-    merged.save(tmp_path)
-    again = Front.load(tmp_path)
+    a, b = moving(A), moving(B)
+    b.save(tmp_path / "b")
+    merged = compared(a, b).merged
+    merged.save(tmp_path / "merged")
+    again = Front.load(tmp_path / "merged")
     np.testing.assert_array_equal(again.objectives, merged.objectives)
-    assert again.provenance["merged"]["origins"][0] == [0, "run 0", 0]
+    assert again.provenance["merged"]["origins"][0] == [0, 0, 0]
+    sources = [{"label": "run 0", "folder": None}, {"label": "run 1", "folder": str(tmp_path / "b")}]
+    assert again.provenance["merged"]["fronts"] == sources
 
 
 @pytest.mark.parametrize("other", [moving(B, samples=6), moving(B, joints=("a", "c"))])

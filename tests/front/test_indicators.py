@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from paretoik.errors import InvalidInput
-from paretoik.front.indicators import hypervolume, ideal_and_nadir, non_dominated
+from paretoik.front.indicators import estimate_hypervolume, hypervolume, ideal_and_nadir, non_dominated
 
 GRID = st.integers(0, 5).map(float)
 
@@ -80,3 +80,37 @@ def test_ideal_and_nadir_are_those_of_the_non_dominated_points():
     assert nadir.tolist() == [1.0, 2.0]
     with pytest.raises(InvalidInput, match="at least one finite point"):
         ideal_and_nadir(np.full((3, 2), np.nan))
+
+
+@pytest.mark.parametrize("n_obj", [1, 2, 4, 5, 6])
+def test_an_estimate_is_near_the_hypervolume_in_any_units_and_exact_up_to_four_objectives(n_obj):
+    directions = np.abs(np.random.default_rng(3).normal(size=(200, n_obj)))
+    units = 10.0 ** np.linspace(-6, 6, n_obj)
+    F = (2.0 - directions / np.linalg.norm(directions, axis=1, keepdims=True)) * units
+    F[0], F[1, 0] = np.nan, 9.0 * units[0]  # these count nowhere
+    volume = hypervolume(F, 2.1 * units)
+    estimate = estimate_hypervolume(F, 2.1 * units, 1.1 * units)
+    assert estimate == pytest.approx(volume, rel=0.0 if n_obj <= 4 else 0.01)
+
+
+@given(seed=st.integers(0, 99))
+def test_an_estimate_never_falls_where_points_are_added_or_improve(seed):
+    rng = np.random.default_rng(seed)
+    F, corner = rng.random((30, 6)), np.full(6, 1.1)
+    estimate = [estimate_hypervolume(each, corner, corner) for each in (F[:10], F, F - 0.1 * rng.random((30, 6)))]
+    assert estimate == sorted(estimate)
+    assert estimate_hypervolume(F + 2.0, corner, corner) == 0.0
+
+
+def test_an_estimate_of_seven_objectives_does_not_compute_what_would_take_a_minute(monkeypatch):
+    import moocore
+
+    F = np.abs(np.random.default_rng(0).normal(size=(1000, 7)))
+    F /= np.linalg.norm(F, axis=1, keepdims=True)
+    monkeypatch.delattr(moocore, "hypervolume")
+    assert 0 < estimate_hypervolume(F, np.full(7, 1.1), np.ones(7)) < 1.1**7
+
+
+def test_an_estimate_wants_a_reference_as_the_hypervolume_does():
+    with pytest.raises(InvalidInput, match="hypervolume reference: wanted 6 finite numbers"):
+        estimate_hypervolume(np.zeros((1, 6)), np.full(6, np.nan), np.ones(6))

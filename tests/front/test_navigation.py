@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from paretoik.errors import InvalidInput
+from paretoik.errors import Infeasible, InvalidInput
 from paretoik.front import Front
-from paretoik.front.certificates import Certificates
+from paretoik.front.certificates import Certificates, concatenate
 
 NAMES = ("energy", "torque", "travel")
 
@@ -50,11 +50,12 @@ def front(**parts):
 @pytest.mark.parametrize(
     ("wish", "words"),
     [
-        ({"choice": 5}, "an id of the front, one of 4, 7, 9, got 5"),
-        ({"choice": True}, "got True"),
+        ({"choice": 5}, "navigate: wanted ids of its points (3 from 4 to 9), got 5"),
+        ({"choice": True}, "navigate: an id of a point wanted, got True"),
+        ({"choice": [4, 7]}, "navigate: an id of a point wanted, got [4, 7]"),
         ({"improve": "time"}, "names among energy, torque, travel, got 'time'"),
-        ({"allow": "time"}, "allow: wants names among"),
-        ({"hold": ("torque", "tim")}, "hold: wants names among"),
+        ({"allow": "time"}, "allow: wanted names among"),
+        ({"hold": ("torque", "tim")}, "hold: wanted names among"),
         ({"allow": "energy"}, "other than energy, which is to improve"),
         ({"hold": ("torque", "travel")}, "not on hold, got none"),
         ({"allow": "torque", "hold": "torque"}, "not on hold, got torque"),
@@ -64,6 +65,7 @@ def front(**parts):
         ({"to": 2.5}, "to: wants better than energy 2 J, got 2.5"),
     ],
 )
+@pytest.mark.usefixtures("unchecked")
 def test_a_wish_that_is_none_is_refused_in_a_line(wish, words):
     wish = {"choice": 7, "improve": "energy", **wish}
     with pytest.raises(InvalidInput) as caught:
@@ -92,13 +94,15 @@ def test_at_the_end_of_a_front_nothing_gets_better():
         ends.navigate(4, improve="energy")
 
 
-def test_a_point_is_a_choice_by_its_id_and_no_move_was_made():
+def test_a_point_that_a_move_led_to_says_how_whenever_it_is_named():
     one = front()
-    assert one.choice_of(9).index == 2
-    assert one.choice_of(9).reason.startswith("Point 9 was asked for. It has energy 3 J")
     assert one.navigated is None
-    with pytest.raises(InvalidInput, match="choice_of: wants a choice or an id"):
-        one.choice_of(1)
+    assert one[9].verdict == "Point 9 was named."
+    moves = [{"to": 9, "reason": "From 7 to 9."}, {"to": 4, "reason": "From 9 to 4."}]
+    moved = replace(one, provenance={"navigations": moves})
+    assert [point.verdict for point in moved] == ["From 9 to 4.", "Point 7 was named.", "From 7 to 9."]
+    assert moved.navigated.reason == moved[4].reason
+    assert moved.navigated.reason.startswith("From 9 to 4. It has energy 1 J")
 
 
 def test_the_problem_is_asked_for_what_was_wished():
@@ -109,7 +113,7 @@ def test_the_problem_is_asked_for_what_was_wished():
 
     problem = Asked()
     one = front(problem=problem, maximised=(False, False, True), objectives=front().objectives * [1, 1, -1])
-    one.navigate(one.choice_of(7), improve="torque", to=1.75, hold="travel")
+    one.navigate(one[7], improve="torque", to=1.75, hold="travel")
     assert (problem.request.row, problem.request.improve, problem.request.payers) == (1, 1, (0,))
     assert problem.request.by == pytest.approx(0.25)
     one.navigate(7, improve="energy")
@@ -120,3 +124,25 @@ def test_the_problem_is_asked_for_what_was_wished():
     near = replace(one, ranges=np.array([[0.0, 100.0], [0.0, 100.0], [-1.0, 1.0]]))
     near.navigate(7, improve="energy")
     assert problem.request.by == pytest.approx(0.5)  # half of what is left
+
+
+def test_a_share_that_leads_nowhere_costs_no_point_that_was_found():
+    class OneInThreeIsInfeasible:
+        asked = 0
+
+        def navigate(self, front, request):
+            self.asked += 1
+            if self.asked % 3 == 0:
+                raise Infeasible("navigate: found no point")
+            new = front.objectives[request.row] + np.where(np.arange(3) == request.improve, -request.by, request.by)
+            return replace(
+                front,
+                ids=np.append(front.ids, front.ids.max() + 1),
+                objectives=np.vstack([front.objectives, new]),
+                certificates=concatenate([front.certificates, front.certificates[:1]]),
+            )
+
+    problem = OneInThreeIsInfeasible()
+    denser = front(problem=problem).refine_around(7, points=4)
+    assert problem.asked == 4
+    assert len(denser) == 3 + 3

@@ -310,7 +310,7 @@ def test_a_full_disk_leaves_the_last_front_whole(front, tmp_path, monkeypatch):
 
 def test_a_folder_that_is_a_file_is_refused(front, tmp_path):
     (tmp_path / "file").touch()
-    with pytest.raises(InvalidInput, match="wanted to write it"):
+    with pytest.raises(InvalidInput, match="wanted a folder to write into"):
         front.save(tmp_path / "file")
 
 

@@ -1,10 +1,13 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from paretoik.errors import InvalidInput
-from paretoik.front.front import Choice
+from paretoik.front.front import Choice, Front
+from paretoik.front.subset import largest_id
 
 
 def test_points_within_bounds_keep_all_that_they_have(front):
@@ -22,6 +25,23 @@ def test_an_id_gives_its_point_and_ids_a_front(front):
     assert front[[40, 10]].ids.tolist() == [10, 40]
     assert front[np.array([20])].ids.tolist() == [20]
     assert [point.id for point in front] == front.ids.tolist()
+
+
+def test_a_front_says_which_ids_and_choices_it_has(front):
+    assert all(number in front and np.int64(number) in front for number in front.ids.tolist())
+    assert all(point in front for point in front)
+    others = (0, 31, -1, 10**30, True, 10.0, "10", None, [10], front)
+    assert not any(other in front for other in others)
+    assert front[10] not in front[[20, 30]]
+    assert front[10] not in replace(front, objectives=front.objectives * [2.0, 1.0])
+
+
+def test_a_part_knows_the_largest_id_of_the_whole_in_its_run_too(front, tmp_path):
+    assert largest_id(front) == largest_id(front[[10, 20]]) == largest_id(front[[10, 20]][[10]]) == 50
+    assert front[[10, 50]].provenance == front.provenance
+    front[[10, 20]].save(tmp_path / "part")
+    assert largest_id(Front.load(tmp_path / "part")) == 50
+    assert largest_id(front.where(energy=(7.0, None))) == 50
 
 
 @pytest.mark.usefixtures("unchecked")

@@ -19,11 +19,15 @@ HOME = np.array([0.0, -0.5, 0.0, -2.0, 0.0, 1.6, 0.8])
 SWING = np.array([0.6, 0.3, -0.5, 0.4, 0.7, -0.4, 0.9])
 
 
-def swing(duration=2.0, samples=201, arm=PANDA, home=HOME, by=SWING):
-    """Return a motion without tasks from rest to rest, by the law of least jerk."""
+def least_jerk(x):
+    return x**3 * (10 - 15 * x + 6 * x**2)
+
+
+def swing(duration=2.0, samples=201, arm=PANDA, home=HOME, by=SWING, law=least_jerk):
+    """Return a motion without tasks from rest to rest, by a law of the share of time."""
     t = np.linspace(0.0, duration, samples)
     x = t[:, None] / duration
-    return pk.Motion(arm=arm, time=t, q=home + by * x**3 * (10 - 15 * x + 6 * x**2), differences="central")
+    return pk.Motion(arm=arm, time=t, q=home + by * law(x), differences="central")
 
 
 MOTIONS = {

@@ -70,6 +70,9 @@ def test_limits_that_are_not_published_are_not_there(name):
     ("family", "joints", "name", "found"),
     [
         ("franka", PANDA.joint_names, "arm", "panda"),
+        ("franka", [f"left_fer_joint{i}" for i in range(1, 8)], "arm", "panda"),
+        ("panda", [f"fer_joint{i}" for i in range(1, 8)], "arm", "panda"),
+        ("franka", FR3.joint_names[::-1], "arm", "fr3"),
         ("franka", [f"left_{joint}" for joint in FR3.joint_names], "arm", "fr3"),
         ("kinova", CONTROLLERS["gen3"].joint_names, "arm", "gen3"),
         ("ur", CONTROLLERS["ur5e"].joint_names, "UR10e_robot", "ur10e"),

@@ -11,15 +11,14 @@ import paretoik as pk
 from paretoik.errors import Infeasible
 from paretoik.joint_trajectory.fitting import fit_motion
 from paretoik.joint_trajectory.time_scaling import time_scaling
-from tests.joint_trajectory.motions import MOTIONS, PANDA, bench, swing
+from tests.joint_trajectory.motions import MOTIONS, PANDA, SWING, bench, least_jerk, swing
 
 FRANKA = pk.controllers.PANDA
 
 
-def fitted(motion, controller=FRANKA, slower=False, **scaling):
-    return fit_motion(
-        motion, time_scaling(float(motion.duration), controller.rate, **scaling), controller, slower=slower
-    )
+def fitted(motion, controller=FRANKA, slower=False, rate=None, **scaling):
+    scaled = time_scaling(float(motion.duration), controller.rate if rate is None else rate, **scaling)
+    return fit_motion(motion, scaled, controller, slower=slower)
 
 
 def refusal(motion, controller=FRANKA, **settings):
@@ -53,6 +52,38 @@ def test_a_motion_that_moves_at_its_start_is_refused_and_the_ramp_that_is_advise
     assert scaling.ramp > 0
     assert np.abs(trajectory.dq[[0, -1]]).max() == 0.0
     assert np.abs(trajectory.ddq[[0, -1]]).max() == 0.0
+
+
+def test_what_a_spline_leaves_of_rest_is_judged_on_the_motion_that_was_slowed_down():
+    septic = swing(duration=0.2, law=lambda x: x**4 * (35 - 84 * x + 70 * x**2 - 20 * x**3), by=2 * SWING)
+    error = refusal(septic)
+    assert error.limit == "rest"
+    factor = advised(error)["time_scale"]
+    assert "slow_down=True" in str(error)
+    _, scaling, uses = fitted(septic, slower=True)
+    assert scaling.factor <= factor <= scaling.factor * 1.01
+    assert 0.99 < max(use.use for use in uses) <= 1 + 1e-9
+    fitted(septic, time_scale=factor)
+
+
+def test_at_a_lower_rate_the_limits_still_hold_for_the_motion_at_the_controllers_own():
+    burst = swing(duration=2.0, samples=201, law=lambda x: least_jerk(np.clip((x - 0.5) / 0.05, 0, 1)))
+    error = refusal(burst, rate=10.0)
+    assert error.limit in ("acceleration", "jerk", "torque", "torque rate")
+    slow, scaling, uses = fitted(burst, rate=10.0, slower=True)
+    whole, own, _ = fitted(burst, slower=True)
+    assert len(slow.time) == scaling.periods + 1
+    np.testing.assert_allclose(np.diff(slow.time), 0.1, atol=1e-9)
+    assert own.factor <= scaling.factor <= own.factor + 0.1
+    assert uses[0].use <= 1 + 1e-9
+    assert whole.time[-1] <= slow.time[-1] + 1e-9 <= whole.time[-1] + 0.1 + 1e-9
+
+
+@pytest.mark.parametrize("rate", [3.0, 7.0, 50.0])
+def test_at_a_low_rate_a_moving_end_is_refused_with_a_ramp_that_is_allowed(rate):
+    moving = MOTIONS["Panda, a pose on a line"]
+    error = refusal(moving, rate=rate)
+    assert fitted(moving, rate=rate, **advised(error))[1].ramp >= 1 / rate
 
 
 def test_a_motion_that_is_too_fast_is_refused_by_its_worst_limit_and_the_factor_that_is_advised_is_enough():

@@ -91,6 +91,13 @@ def test_the_violation_is_named_by_joint_quantity_time_value_and_limit():
     assert uses[0].exceeded
 
 
+def test_beyond_by_a_hair_is_said_as_that_and_not_as_twice_the_same_number():
+    peak = np.abs(sampled("without tasks").dq).max()
+    (use,) = limit_uses(sampled("without tasks"), bench(PANDA, velocity=peak * (1 - 2e-8)), PANDA)
+    assert use.exceeded
+    assert str(use).endswith(f"its limit {peak:.6g} rad/s, beyond it by {use.value - use.limit:.6g} rad/s")
+
+
 def test_a_slide_has_metres_and_newtons():
     rail = pk.Motion(arm=SLIDE, time=np.linspace(0, 1, 11), q=np.linspace(0, 1, 11)[:, None] ** 2 * 3)
     trajectory = JointTrajectory(

@@ -23,7 +23,19 @@ def test_it_leads_from_0_to_the_duration_without_turning_back(duration, rate, fa
     assert factor <= scaling.factor * (1 + 1e-9) <= factor + 1 / (rate * duration) + 1e-8
     assert speed.min() >= 0
     assert speed.max() <= 1 / factor + 1e-12
-    np.testing.assert_allclose(np.diff(scaling.times), 1 / rate, atol=1e-9)
+    np.testing.assert_allclose(np.diff(scaling.times()), 1 / rate, atol=1e-9)
+
+
+@given(durations, rates, rates, st.just(0.0) | st.floats(0.05, 0.3))
+def test_at_another_rate_it_is_the_same_law_of_time(duration, rate, other, ramp):
+    scaling = time_scaling(duration, rate, ramp=ramp)
+    times, values = scaling.times(other), scaling.evaluate(other)
+    dense = np.stack([np.interp(times, scaling.times(), own) for own in scaling.evaluate()])
+    assert values.shape == (3, len(times))
+    assert (values[0, 0], values[0, -1]) == (0.0, duration)
+    assert -1e-6 <= times[-1] - scaling.times()[-1] < 1 / other
+    np.testing.assert_allclose(values[0], dense[0], atol=2 / rate**2 * (1 + 2 / max(ramp, 0.05)))
+    np.testing.assert_array_equal(scaling.evaluate(rate), scaling.evaluate())
 
 
 @given(durations, st.floats(0.05, 1.0))
@@ -40,13 +52,13 @@ def test_a_ramp_starts_and_stops_with_neither_velocity_nor_acceleration_and_cost
     scaling = time_scaling(duration, 1000.0, ramp=ramp)
     _, speed, bend = scaling.evaluate()
     assert np.abs([speed[[0, -1]], bend[[0, -1]]]).max() == 0.0
-    assert scaling.times[-1] == pytest.approx(duration + ramp, abs=1.01e-3)
-    assert speed[np.searchsorted(scaling.times, ramp) + 1] == pytest.approx(1 / scaling.factor, abs=1e-6)
+    assert scaling.times()[-1] == pytest.approx(duration + ramp, abs=1.01e-3)
+    assert speed[np.searchsorted(scaling.times(), ramp) + 1] == pytest.approx(1 / scaling.factor, abs=1e-6)
 
 
 @pytest.mark.parametrize("rate", [50.0, 300.0, 1000.0, 7.0])
 def test_times_are_whole_nanoseconds_that_ros_keeps_exactly(rate):
-    times = time_scaling(3.0, rate).times
+    times = time_scaling(3.0, rate).times()
     nanoseconds = np.rint(times * 1e9).astype(int)
     np.testing.assert_array_equal(nanoseconds / 1e9, times)
     np.testing.assert_allclose(nanoseconds, np.arange(len(times)) * 1e9 / rate, atol=0.5)

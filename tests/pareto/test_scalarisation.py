@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from paretoik.front.indicators import ranges_of
 from paretoik.nlp.interior_point_options import InteriorPointOptions
-from paretoik.pareto.scalarisation import main_weights, minimise_weighted, objective_sizes, ranges_of
+from paretoik.pareto.scalarisation import main_weights, minimise_weighted, objective_sizes
 from tests.pareto.sketches import ellipses, ellipses_best, placed, sketched
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from paretoik.front.front import Front
-from paretoik.review.recorder import Generation
+from paretoik.review.recording.recorder import Generation
 from paretoik.robot.arm import Arm
 from paretoik.task.motion import Motion
 

@@ -7,6 +7,12 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 
+TIMELINES = (
+    *("generation", "motion", "replay", "point", "step", "individual", "level", "refinement"),
+    *("start", "optimum", "solution", "direction"),
+)
+FRAME = ("/grid", "/labels", "/axes/lines")  # of charts, which alone are no picture
+
 
 def read(file: Path) -> dict[str, list]:
     """Return the record batches of each entity of the data recording, blueprint left out."""
@@ -56,9 +62,43 @@ def shown(entities: dict[str, list], origin: str, timeline: str, time: int) -> l
 
 
 def _lasts(batch, timeline: str, time: int) -> bool:
-    times = [
-        name for name in ("generation", "motion", "replay", "point", "step", "individual") if name in batch.schema.names
-    ]
+    times = [name for name in TIMELINES if name in batch.schema.names]
     if not times:
         return True
     return timeline in times and min(batch.column(timeline).cast("int64").to_pylist()) <= time
+
+
+def blank_views(file: Path, instants: dict[str, tuple[int, ...]]) -> list[tuple[str, str, int]]:
+    """Return view, timeline and time of every view of the layout that shows nothing but axes at one of the instants."""
+    entities = read(file)
+    return [
+        (view, timeline, time)
+        for timeline, times in instants.items()
+        for time in times
+        for view, origin in views(file).items()
+        if not [path for path in shown(entities, origin, timeline, time) if not path.endswith(FRAME)]
+    ]
+
+
+def missing_entities(file: Path, wanted: list[str], instants: dict[str, tuple[int, ...]]) -> list[tuple[str, str, int]]:
+    """Return entity, timeline and time of everything ``wanted`` that is not there at one of the instants."""
+    entities = read(file)
+    return [
+        (path, timeline, time)
+        for timeline, times in instants.items()
+        for time in times
+        for path in wanted
+        if not shown(entities, path, timeline, time)
+    ]
+
+
+def static_words(batches: list) -> list[str]:
+    """Return the labels of an entity that never changes."""
+    (column,) = [name for name in batches[-1].schema.names if name.endswith(":labels")]
+    return batches[-1].column(column).to_pylist()[-1]
+
+
+def last_text(batches: list, timeline: str, time: int) -> str:
+    """Return the words that stand there at a time of a timeline."""
+    words = rows(batches, timeline, "text")
+    return str(words[max(each for each in words if each <= time)][0])

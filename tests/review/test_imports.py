@@ -6,7 +6,7 @@ import sys
 PROBE = """
 import sys
 import paretoik.front.storage, paretoik.execution.run_folder
-import paretoik.review.recorder
+import paretoik.review.recording.recorder
 print(sorted({"rerun", "matplotlib", "pymoo", "pyarrow", "moocore"} & set(sys.modules)))
 """
 

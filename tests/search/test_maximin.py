@@ -140,6 +140,39 @@ def test_two_objectives_start_from_both_ends():
     assert selection.distance[:2].tolist() == [np.inf, np.inf]
 
 
+@settings(max_examples=60, deadline=None)
+@given(st.integers(1, 4).flatmap(objectives), st.data())
+def test_spacing_is_the_sum_of_distances_to_the_nearest_survivors_of_the_same_rank(F, data):
+    selection = survivors(F, np.zeros(len(F)), data.draw(st.integers(1, len(F))))
+    Z, first = F[selection.index], F[pareto_rank(F) == 0]
+    width = np.ptp(first, axis=0)
+    Z = np.where(width > np.finfo(float).tiny, (Z - first.min(axis=0)) / np.where(width > 0, width, 1.0), 0.0)
+    n_obj = F.shape[1]
+    for place, rank in enumerate(selection.rank):
+        members = np.flatnonzero(selection.rank == rank)
+        gaps = sorted(np.sqrt(((Z[place] - Z[each]) ** 2).sum()) for each in members if each != place)
+        is_best = any(members[Z[members, axis].argmin()] == place for axis in range(n_obj))
+        expected = np.inf if is_best or len(gaps) < n_obj else sum(gaps[:n_obj])
+        assert selection.spacing[place] == pytest.approx(expected, rel=1e-12)
+
+
+def test_spacing_does_not_depend_on_the_order_in_which_an_even_front_was_inserted():
+    x = np.linspace(0.0, 1.0, 9)
+    selection = survivors(np.column_stack((x, 1.0 - x)), np.zeros(9), 9)
+    assert len(set(selection.distance[2:].round(9))) > 1
+    np.testing.assert_allclose(selection.spacing[2:], np.hypot(1, 1) / 4)
+
+
+def test_points_beyond_the_box_and_infeasible_ones_have_no_spacing():
+    x = np.linspace(0.0, 1.0, 9)
+    F = np.column_stack((x, 1.0 - x))
+    violation = np.where(x < 0.2, 1.0, 0.0)
+    selection = survivors(F, violation, 9, ranges=np.array([[0.0, 0.0], [0.7, 1.0]]))
+    is_inside = (F[selection.index, 0] <= 0.7) & (violation[selection.index] == 0.0)
+    assert (selection.spacing[~is_inside] == 0.0).all()
+    assert (selection.spacing[is_inside] > 0.0).all()
+
+
 def test_three_objectives_start_from_the_corners_and_not_from_their_neighbours():
     corners = np.eye(3)
     near = np.array([[0.999, 0.02, 0.0], [0.0, 0.999, 0.02], [0.02, 0.0, 0.999]])

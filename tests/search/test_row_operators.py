@@ -45,7 +45,7 @@ def test_one_gene_is_replaced_by_a_number_within_its_bounds():
 def ranked(rank, distance):
     individuals = Population.new("X", np.zeros((len(rank), 1)))
     for individual, r, d in zip(individuals, rank, distance, strict=True):
-        individual.data["rank"], individual.data["crowding"] = r, d
+        individual.data |= {"rank": r, "insertion_distance": d}
     return individuals
 
 

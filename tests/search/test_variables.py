@@ -83,7 +83,7 @@ def test_integers_stay_integers_and_come_near_both_ends_of_the_front():
 
 
 def test_bits_reach_both_ends_of_the_front():
-    result = solved(Bits())
+    result = solved(Bits(), generations=150)
     assert result.F.min(axis=0).tolist() == [-20.0, 0.0]
     assert result.X.dtype == bool
 

@@ -137,11 +137,11 @@ class Classify:
         return scores
 
     def _in_words(self, front: Front) -> str:
-        words = [f"improve {list_words(list(self.improve))}"] if self.improve else []
+        words = [f"improve {list_words(self.improve)}"] if self.improve else []
         words += [f"improve {self._to(front, name, value)}" for name, value in self.improve_to.items()]
-        words += [f"keep {list_words(list(self.keep))}"] if self.keep else []
+        words += [f"keep {list_words(self.keep)}"] if self.keep else []
         words += [f"relax {self._to(front, name, value)}" for name, value in self.relax_to.items()]
-        words += [f"leave {list_words(list(self.free))} free"] if self.free else []
+        words += [f"leave {list_words(self.free)} free"] if self.free else []
         return list_words(words)
 
     def _to(self, front: Front, name: str, value: float) -> str:

@@ -16,25 +16,33 @@ from paretoik.front.ties import first_row
 
 @dataclass(frozen=True, kw_only=True)
 class Knee:
-    """The knee: the point from which any step costs much more than it gains.
+    """The knee: the point from which any step costs the most beside what it gains.
 
     Of two objectives the point farthest below the straight line between the ends of the front, in shares of the stored
     ranges (Das 1999, "On characterizing the 'knee' of the Pareto curve based on normal-boundary intersection").
     Of more the point with the largest least trade-off: exchanging p for q costs Σ max(0, Z_q − Z_p) in shares and gains
     Σ max(0, Z_p − Z_q); the least ratio of the two over all q is the least trade-off of p (Rachmawati and Srinivasan
-    2009, IEEE Trans. Evolutionary Computation 13(4), μ(x_i, S)).
+    2009, IEEE Trans. Evolutionary Computation 13(4), μ(x_i, S)). It is below 1 where some exchange gains more than it
+    costs; among many points near ones do, so that the ratio tells more beside those of the other points than by itself.
+    A point that is the best in every objective, rounding aside, is the knee.
 
-    ``choose`` raises InvalidInput where there is no knee: of one objective, of two where no point lies below the line
-    (a straight or hollow front), of more where no exchange costs more than it gains.
+    ``choose`` raises InvalidInput where there is no knee: of one objective, and of two where no point lies below the
+    line (a straight or hollow front).
     """
 
     def choose(self, front: Front) -> Choice:
         """Return the knee; raises InvalidInput where there is none."""
         if len(front.names) == 1:
             raise InvalidInput("knee: wanted two objectives or more, got one, whose best point is the answer")
-        if (np.ptp(front.shares, axis=0) <= OPTIONS.rounding).all():
-            row = first_row(front, np.zeros(len(front)))
-            return front.choice(row, f"{subject(front, row)} is as good as any: all are equal.", preference=self)
+        best = (front.shares <= front.shares.min(axis=0) + OPTIONS.rounding).all(axis=1)
+        if best.any():
+            row = first_row(front, np.zeros(len(front)), best)
+            words = (
+                "is as good as any: all are equal"
+                if best.all()
+                else "is the knee: it is the best in every objective, rounding aside"
+            )
+            return front.choice(row, f"{subject(front, row)} {words}.", preference=self)
         return self._below_line(front) if len(front.names) == 2 else self._least_trade_off(front)
 
     def _below_line(self, front: Front) -> Choice:
@@ -59,15 +67,11 @@ class Knee:
     def _least_trade_off(self, front: Front) -> Choice:
         ratios, others = _least_trade_offs(front)
         row = first_row(front, -ratios)
-        if ratios[row] <= 1.0 + OPTIONS.rounding:
-            raise InvalidInput(
-                "knee: wanted a point from which every exchange costs more than it gains, got none among "
-                f"{len(front)}: no knee; Compromise or Aspiration choose on such a front"
-            )
         return front.choice(
             row,
-            f"{subject(front, row)} is the knee: going from it to any other costs at least {ratios[row]:.3g} times "
-            f"what it gains, in shares of the ranges; going to point {front.ids[others[row]]} costs that little.",
+            f"{subject(front, row)} is the knee, with the largest least trade-off: going from it to any other costs at "
+            f"least {ratios[row]:.3g} times what it gains, in shares of the ranges; going to point "
+            f"{front.ids[others[row]]} costs that little.",
             preference=self,
             score=-float(ratios[row]),
             details={"least_trade_off": float(ratios[row]), "nearest_exchange": int(front.ids[others[row]])},
@@ -78,7 +82,7 @@ def _depths(front: Front) -> Values:
     """Return how far points lie below the line between the ends, 1 at the corner that is best in both objectives."""
     shares = front.shares
     first, second = (shares[first_row(front, shares[:, axis])] for axis in range(2))
-    width, height = second[0] - first[0], first[1] - second[1]  # both positive, as no end is the best in both
+    width, height = second[0] - first[0], first[1] - second[1]  # both positive, as no point is the best in both
     depths: Values = 1.0 - (shares[:, 0] - first[0]) / width - (shares[:, 1] - second[1]) / height
     return depths
 

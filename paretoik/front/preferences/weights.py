@@ -12,7 +12,6 @@ from paretoik.errors import InvalidInput
 from paretoik.front.explanation import compare_neighbours
 from paretoik.front.front import Choice, Front
 from paretoik.front.preferences.named_numbers import named_numbers, named_text
-from paretoik.front.preferences.supported import reached_by_weights
 from paretoik.front.reason import list_words, subject
 from paretoik.front.subset import check_known
 from paretoik.front.ties import first_row
@@ -46,7 +45,7 @@ class Weights:
         weights = weights_by_axis(front, self.weights, "weights")
         sums = front.shares @ weights
         row = first_row(front, sums)
-        unreached = front.ids[~reached_by_weights(front)].tolist()
+        unreached = front.ids[~front.supported].tolist()
         verdict = (
             f"{subject(front, row)} has the least weighted sum, {sums[row]:.3g}, of what objectives give up of their "
             f"ranges ({weights_in_words(front, weights)})."

@@ -236,7 +236,7 @@ class BinaryTournament(Selection):  # type: ignore[misc]  # pymoo has no types
 
     def _do(self, problem: Any, pop: Any, *shape: int, random_state: np.random.Generator, **kwargs: Any) -> Integers:
         rank = np.array([individual.data["rank"] for individual in pop])
-        distance = np.array([individual.data["crowding"] for individual in pop])
+        distance = np.array([individual.data["insertion_distance"] for individual in pop])
         first, second = random_state.integers(len(pop), size=(2, *shape))
         better = (rank[first] < rank[second]) | ((rank[first] == rank[second]) & (distance[first] >= distance[second]))
         chosen: Integers = np.where(better, first, second)

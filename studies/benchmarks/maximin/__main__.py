@@ -1,7 +1,7 @@
 """MaxiMin beside pymoo's algorithms: same evaluations, same first populations, seeds interleaved; losses first.
 
-    python -m studies.benchmarks.maximin [--quick] [--goals] [--seeds N] [--problems NAME ...] [--fronts FOLDER]
-                                         [--json FILE]
+    python -m studies.benchmarks.maximin [--quick] [--goals] [--seeds N] [--problems NAME ...] [--runs FOLDER]
+                                         [--fronts FOLDER] [--json FILE]
 
 Ours twice: ``MaxiMinNSGA2``, and pymoo's own NSGA-II with our survival, ``NSGA2(survival=MaxiMin())``; between these
 two only the mating differs. Peers are as pymoo ships them: NSGA-II with crowding, and with its crowding "pcd" (two
@@ -17,7 +17,9 @@ with itself when told of that corner by ``ranges=``.
 
 A loss or a win is a significant Mann-Whitney test; "equal" (or "within margin") are two one-sided ones against the peer
 scaled by one minus and one plus the margin of the indicator; both by Holm over the table of each of ours, the rest is
-undecided. A12 is the chance that one of our runs is the better one. Control-C judges the seeds that are done.
+undecided. A12 is the chance that one of our runs is the better one. Control-C judges the seeds that are done; with
+--runs every run is stored, and a later call with the same folder goes on where it was cut, or adds problems and peers.
+Runs of ours are made again after any change of ``paretoik/search``, those of the peers with another pymoo.
 """
 
 from __future__ import annotations
@@ -64,6 +66,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--problems", nargs="+", default=[], metavar="NAME", help="only these problems or families")
     parser.add_argument("--goals", action="store_true", help=f"beside {CROWDING} and {HYPERVOLUME} alone")
     parser.add_argument("--fronts", type=Path, metavar="FOLDER", help="keep the union fronts here and add to them")
+    parser.add_argument("--runs", type=Path, metavar="FOLDER", help="keep every run here, and read what is there")
     options = parser.parse_args(arguments)
     seeds = options.seeds if options.seeds is not None else (11 if options.quick else 31)
     if seeds < 2:
@@ -72,7 +75,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if options.goals:
         chosen = [replace(case, peers=(CROWDING, HYPERVOLUME)) for case in chosen]
     tell_left_out(chosen, quick=options.quick)
-    runs = run_all(chosen, seeds)
+    runs = run_all(chosen, seeds, options.runs)
     if min((len(each) for each in runs.values()), default=0) < 2:
         parser.exit(1, "interrupted before two seeds were done: nothing to judge\n")
     judged = judge(runs, chosen, options.fronts)

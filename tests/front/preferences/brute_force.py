@@ -84,8 +84,12 @@ def robust(front: Front, weights: list[float], uncertainty: float) -> int:
 
 
 def knee(front: Front) -> int | None:
-    """Return the id of the knee of a front of at least two objectives that has some range, None where there is none."""
+    """Return the id of the knee of a front of at least two objectives, None where there is none."""
     Z = shares(front)
+    ideal = [min(column) for column in zip(*Z, strict=True)]
+    best = [row for row, p in enumerate(Z) if all(z <= z0 + EPSILON for z, z0 in zip(p, ideal, strict=True))]
+    if best:
+        return first(front, [0.0] * len(Z), best)
     if len(front.names) == 2:
         ends = [Z[front.ids.tolist().index(first(front, [point[axis] for point in Z]))] for axis in range(2)]
         (a, b), (c, d) = ends
@@ -99,7 +103,7 @@ def knee(front: Front) -> int | None:
             cost, gain = sum(s for s in steps if s > 0), -sum(s for s in steps if s < 0)
             exchanges += [cost / gain] if gain > 0 else []
         ratios.append(min(exchanges))
-    return first(front, [-ratio for ratio in ratios]) if max(ratios) > 1 + EPSILON else None
+    return first(front, [-ratio for ratio in ratios])
 
 
 def classified(front: Front, start: int, classes: dict[str, str], values: dict[str, float]) -> int:

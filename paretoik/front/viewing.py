@@ -1,0 +1,49 @@
+"""A front in a notebook: the Rerun viewer below a cell, and what is selected in it as ids."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Literal
+
+from paretoik.arrays import Ids
+
+if TYPE_CHECKING:
+    from paretoik.front.front import Front
+
+OPENED_BY = "paretoik.review.drawing.front_view:open_view"  # by name, as this package knows nothing of those that draw
+
+
+def view(
+    front: Front,
+    *,
+    on_select: Callable[[Ids], object] | None = None,
+    width: int | Literal["auto"] = "auto",
+    height: int | Literal["auto"] = 720,
+) -> Any:
+    """Return the front as a ``FrontView``, which a notebook shows as the Rerun viewer: pick a point, get its id.
+
+    Its ``selected`` are the ids of the points that were selected last, in any of its pictures, and ``choice`` is the
+    point whose motion the arm shows: the first of them, at first the present choice, or else the compromise.
+    ``show(id)`` shows another one, ``on_select(callback)`` has a function called with the ids of every selection.
+
+    The extra ``notebook`` is wanted (``pip install "paretoik[notebook]"``). The viewer is served by this process to the
+    same machine; where the browser is on another one, ``RERUN_NOTEBOOK_ASSET=inline`` in the environment sends it
+    along.
+
+    Parameters
+    ----------
+    on_select
+        Called with the ids of every selection; may be none.
+    width, height
+        In pixels; "auto" is the cell's width, and 9/16 of that.
+
+    Raises
+    ------
+    InvalidInput
+        Where the extra is missing, or a size is none.
+    Infeasible
+        For an empty front.
+    """
+    module, _, name = OPENED_BY.partition(":")
+    return getattr(import_module(module), name)(front, on_select=on_select, width=width, height=height)

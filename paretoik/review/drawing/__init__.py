@@ -1,0 +1,1 @@
+"""What a recording shows: scenes, panels, charts and words, drawn with Rerun."""

@@ -1,0 +1,235 @@
+"""Where arms are drawn in a recording: on axes of their own where they are planar, else in space, in their workcell."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+from jaxtyping import Float
+
+from paretoik.review.drawing.arm_meshes import ArmMeshes, find_meshes
+from paretoik.review.drawing.drawn_axes import Canvas, equal_window
+from paretoik.review.drawing.ground import Ground
+from paretoik.review.drawing.obstacle_drawing import bodies, extent, hatch, outline
+from paretoik.review.drawing.screen_text import screen_text
+from paretoik.review.palette import SCREEN, Colour
+from paretoik.review.recording.workcell import Workcell
+
+Links = Float[np.ndarray, "rows nodes 3"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ArmDrawing:
+    """The view at ``entity`` of a workcell; it holds all ``nodes`` (nodes, 3) [m] of arms."""
+
+    entity: str
+    workcell: Workcell
+    nodes: Float[np.ndarray, "nodes 3"]
+
+    def view(self, name: str) -> rrb.View:
+        """Return the view."""
+        name = screen_text(name)
+        if self.planar:
+            bounds = self._canvas.bounds()
+            return rrb.Spatial2DView(origin=self.entity, name=name, visual_bounds=bounds, background=SCREEN.background)
+        meshes = [f"+ {self._mesh_root}/**"] if self.meshes is not None else []
+        return rrb.Spatial3DView(
+            origin=self.entity,
+            contents=["+ $origin/**", *meshes],
+            name=name,
+            background=SCREEN.background,
+            line_grid=False,
+            eye_controls=self._ground.eye(),
+        )
+
+    def log_workcell(self, recording: rr.RecordingStream) -> None:
+        """Draw axes, base, obstacles, paths and places, for all times."""
+        if self.planar:
+            self._canvas.log(recording, f"{self.entity}/axes", static=True)
+        else:
+            recording.log(self.entity, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+            self._ground.log(recording, f"{self.entity}/axes")
+        self._log_obstacles(recording)
+        self._log_base(recording)
+        self._log_places(recording)
+        if self.meshes is not None:
+            self.meshes.log(recording, self.entity)
+
+    def strips(self, lines: Sequence[np.ndarray], colour: Any, radius: float, order: float, **more: Any) -> Any:
+        """Return lines (points, 3) [m] as they are drawn, ``radius`` in pixels, above what has a lower ``order``."""
+        placed = [self.place(line) for line in lines]
+        return self._kinds[0](placed, colors=colour, radii=rr.Radius.ui_points(radius), **self._order(order), **more)
+
+    def points(self, places: np.ndarray, colour: Any, radius: float, order: float, **more: Any) -> Any:
+        """Return points (points, 3) [m] as they are drawn, ``radius`` in pixels."""
+        radii = rr.Radius.ui_points(radius)
+        return self._kinds[1](self.place(places), colors=colour, radii=radii, **self._order(order), **more)
+
+    def send_arms(
+        self,
+        recording: rr.RecordingStream,
+        layer: str,
+        columns: Sequence[rr.TimeColumn],
+        links: Links,
+        *,
+        colour: Colour,
+        solid: bool,
+    ) -> None:
+        """Draw an arm in each posture of ``links``, a row of ``columns`` each; solid with its width, or thin."""
+        placed, (rows, nodes, _) = self.place(links), links.shape
+        kind, dots = self._kinds
+        for part in self._log_style(recording, layer, nodes, colour, solid):
+            recording.send_columns(f"{self.entity}/{layer}/{part}", columns, kind.columns(strips=list(placed)))
+        positions = dots.columns(positions=placed.reshape(rows * nodes, -1)).partition([nodes] * rows)
+        recording.send_columns(f"{self.entity}/{layer}/joints", columns, positions)
+
+    def log_arm(
+        self,
+        recording: rr.RecordingStream,
+        layer: str,
+        links: Float[np.ndarray, "nodes 3"],
+        *,
+        colour: Colour,
+        solid: bool,
+    ) -> None:
+        """Draw an arm in a posture at the current time, as ``send_arms`` does."""
+        placed = self.place(links)
+        kind, dots = self._kinds
+        for part in self._log_style(recording, layer, len(links), colour, solid):
+            recording.log(f"{self.entity}/{layer}/{part}", kind.from_fields(strips=[placed]))
+        recording.log(f"{self.entity}/{layer}/joints", dots.from_fields(positions=placed))
+
+    def _log_style(
+        self, recording: rr.RecordingStream, layer: str, nodes: int, colour: Colour, solid: bool
+    ) -> list[str]:
+        """Log the colours and widths of an arm, for all times; return the entities of its lines."""
+        entity, (kind, dots) = f"{self.entity}/{layer}", self._kinds
+        parts = {"links": (rr.Radius.ui_points(3.2 if solid else 1.6), colour, 5.0 if solid else 7.0)}
+        if solid and self._width:
+            parts["body"] = (self._width, SCREEN.body, 2.0)
+        for part, (radius, tint, order) in parts.items():
+            style = kind.from_fields(colors=tint, radii=radius, **self._order(order))
+            recording.log(f"{entity}/{part}", style, static=True)
+        sizes = rr.Radius.ui_points(([4.8] if solid else [2.4]) * (nodes - 1) + [6.0 if solid else 3.0])
+        tints = [colour] * (nodes - 1) + [SCREEN.tool if solid else colour]
+        style = dots.from_fields(colors=tints, radii=sizes, **self._order(6.0 if solid else 8.0))
+        recording.log(f"{entity}/joints", style, static=True)
+        return list(parts)
+
+    @property
+    def _kinds(self) -> tuple[Any, Any]:
+        """The kinds of strips and points, in the plane or in space."""
+        return (rr.LineStrips2D, rr.Points2D) if self.planar else (rr.LineStrips3D, rr.Points3D)
+
+    def place(self, points: np.ndarray) -> np.ndarray:
+        """Return where points (..., 3) [m] lie on the view."""
+        return self._canvas.place(points[..., :2]) if self.planar else points
+
+    @property
+    def planar(self) -> bool:
+        """Whether the arm moves in a plane."""
+        return self.workcell.arm.is_planar
+
+    @cached_property
+    def meshes(self) -> ArmMeshes | None:
+        """The arm's meshes, where it has any."""
+        return None if self.planar else find_meshes(self.workcell.arm, self._mesh_root)
+
+    @property
+    def _mesh_root(self) -> str:
+        return self.entity.replace("/", "_") + "_meshes"
+
+    @property
+    def _width(self) -> float:
+        """Half the width of links as drawn; 0 where they have none."""
+        scale = self._canvas.width / float(self._canvas.high[0] - self._canvas.low[0]) if self.planar else 1.0
+        return scale * self.workcell.link_radius
+
+    def _order(self, order: float) -> dict[str, float]:
+        """Return what is drawn above what, which only the plane knows."""
+        return {"draw_order": order} if self.planar else {}
+
+    def _log_obstacles(self, recording: rr.RecordingStream) -> None:
+        obstacles, entity = self.workcell.obstacles, f"{self.entity}/obstacles"
+        if not self.planar:
+            for name, body in bodies(obstacles, self._ground.low, self._ground.high):
+                recording.log(f"{entity}/{name}", body, static=True)
+            return
+        corners = [each for each in map(outline, obstacles) if len(each)]
+        if corners:
+            gap = 9.0 * float(self._canvas.high[0] - self._canvas.low[0]) / self._canvas.width
+            borders = [np.concatenate([each, each[:1]]) for each in corners]
+            lines = [line for each in corners for line in hatch(each, gap=gap)]
+            for part, strips, colour, radius in (
+                ("hatch", lines, SCREEN.obstacle_body, 0.7),
+                ("outlines", borders, SCREEN.obstacle, 1.3),
+            ):
+                in_space = [np.pad(strip, ((0, 0), (0, 1))) for strip in strips]
+                recording.log(f"{entity}/{part}", self.strips(in_space, colour, radius, -2.0), static=True)
+
+    def _log_base(self, recording: rr.RecordingStream) -> None:
+        """Mark where the arm is mounted: the ground sign of mechanics, or in space a foot."""
+        base = self.workcell.arm.base
+        if self.planar:
+            x, y = self._canvas.place(base.position[:2])
+            foot = [[(x, y), (x - 9, y + 14), (x + 9, y + 14), (x, y)], [(x - 15, y + 14), (x + 15, y + 14)]]
+            ground = [[(x + d, y + 14), (x + d - 5, y + 20)] for d in (-8, 0, 8, 15)]
+            sign = rr.LineStrips2D([*foot, *ground], colors=SCREEN.base, radii=rr.Radius.ui_points(1.1), draw_order=0.5)
+            recording.log(f"{self.entity}/base", sign, static=True)
+            return
+        size = 0.05 * float(np.linalg.norm(self._ground.high - self._ground.low))
+        pedestal = rr.Cylinders3D(
+            centers=[base.position - base.rotation[:, 2] * 0.1 * size],
+            lengths=[0.2 * size],
+            radii=[size],
+            colors=SCREEN.base,
+            quaternions=[rr.Quaternion(xyzw=np.roll(base.quaternion, -1))],
+            fill_mode="solid",
+        )
+        recording.log(f"{self.entity}/base", pedestal, static=True)
+
+    def _log_places(self, recording: rr.RecordingStream) -> None:
+        cell = self.workcell
+        if cell.paths:
+            recording.log(f"{self.entity}/target", self.strips(cell.paths, SCREEN.target, 2.6, 0.0), static=True)
+        if cell.places:
+            places = np.array(list(cell.places.values()))
+            named = {"labels": list(cell.places), "show_labels": True}
+            recording.log(f"{self.entity}/places", self.points(places, SCREEN.target, 4.0, 1.0, **named), static=True)
+        if len(cell.directions):
+            start, ends = next(iter(cell.places.values())), self._arrow_ends
+            arrows = self.strips([np.array([start, end]) for end in ends], SCREEN.target, 1.6, 1.0)
+            recording.log(f"{self.entity}/directions/lines", arrows, static=True)
+            numbers = [f"direction {number + 1}" for number in range(len(ends))]
+            heads = self.points(ends, SCREEN.target, 3.0, 1.0, labels=numbers, show_labels=True)
+            recording.log(f"{self.entity}/directions/heads", heads, static=True)
+
+    @property
+    def _arrow_ends(self) -> np.ndarray:
+        """Where arrows along the directions end."""
+        cell = self.workcell
+        start = next(iter(cell.places.values()), np.zeros(3))
+        return np.asarray(start + 0.3 * float(np.ptp(self.nodes, axis=0).max()) * cell.directions)
+
+    @cached_property
+    def _extent(self) -> np.ndarray:
+        """Points (points, 3) [m] that are to be seen."""
+        cell = self.workcell
+        around = [each for each in map(extent, cell.obstacles) if self.planar or np.ptp(each, axis=0).all()]
+        seen = [self.nodes, cell.arm.base.position[None], *cell.paths, *(place[None] for place in cell.places.values())]
+        return np.concatenate([*seen, *around, self._arrow_ends])
+
+    @cached_property
+    def _canvas(self) -> Canvas:
+        flat = Canvas(low=np.zeros(2), high=np.ones(2), labels=("x [m]", "y [m]"))
+        low, high = equal_window(self._extent[:, :2], width=flat.width, height=flat.height)
+        return Canvas(low=low, high=high, labels=flat.labels)
+
+    @cached_property
+    def _ground(self) -> Ground:
+        return Ground.around(self._extent)

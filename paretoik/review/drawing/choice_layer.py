@@ -1,0 +1,191 @@
+"""A chosen motion, or two beside each other, as a small layer over the recording of a run.
+
+The layer has the recording's identity, so that a viewer that opens both files shows them as one, and a layout of its
+own, which has the recording's views as a second tab. The recording itself is not touched.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from paretoik.arrays import Times
+from paretoik.front.front import Choice, Front
+from paretoik.review.drawing.drawn_axes import Canvas
+from paretoik.review.drawing.legend import WIDTH, Legend
+from paretoik.review.drawing.legend_entries import choice_entries
+from paretoik.review.drawing.motion_scene import MotionScene
+from paretoik.review.drawing.parallel_axes import ParallelAxes
+from paretoik.review.drawing.point_text import choice_text
+from paretoik.review.drawing.recorded_views import RecordedRun, read_recorded, recorded_tab
+from paretoik.review.drawing.recording_layout import choice_blueprint
+from paretoik.review.drawing.search_scene import SearchScene
+from paretoik.review.palette import SCREEN
+from paretoik.review.recording.recorded_end import chosen_point
+from paretoik.review.recording.recorded_point import RecordedPoint
+from paretoik.review.recording.workcell import Workcell, workcell_of_front
+
+ROOTS: tuple[Literal["choice", "compared"], ...] = ("choice", "compared")
+NO_TIMES = np.zeros(0)
+
+
+def write_choice_layer(
+    front: Front, choice: Choice, file: Path, *, recording: Path, compare: Choice | None = None
+) -> None:
+    """Write the layer that shows a choice of a front, beside it another one, over the ``recording`` of its run.
+
+    Raises InvalidInput where the recording cannot be read.
+    """
+    recorded = read_recorded(recording)
+    choices = (choice,) if compare is None else (choice, compare)
+    layer = ChoiceLayer(front=front, choices=choices, recorded=recorded)
+    stream = rr.RecordingStream(recorded.application, recording_id=recorded.identity, send_properties=False)
+    stream.save(file)
+    layer.log(stream)
+    stream.send_blueprint(layer.blueprint(), make_active=True, make_default=True)
+    stream.flush()
+    stream.disconnect()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ChoiceLayer:
+    """One choice of a front, or two, with their motions on the timeline ``motion``.
+
+    On all others of the ``recorded`` run, if there is one, the arms stand still. ``names`` are what the choices are
+    called, by default points with their ids. Axes hold the motions of points ``around`` them, too. The layout is for a
+    viewer so many pixels wide, ``width``.
+    """
+
+    front: Front
+    choices: tuple[Choice, ...]
+    recorded: RecordedRun | None = None
+    names: tuple[str, ...] = ()
+    around: tuple[RecordedPoint, ...] = ()
+    width: float = WIDTH
+
+    def log(self, stream: rr.RecordingStream) -> None:
+        """Draw the front with the choices, what is to be known of them, and their arms."""
+        self.log_front(stream)
+        self.log_choices(stream)
+
+    def log_front(self, stream: rr.RecordingStream) -> None:
+        """Draw the front on its axes, for all times."""
+        self._legend.log(stream)
+        self.scene.log_axes(stream, self._canvases, static=True)
+        front = self.front
+        self.scene.log_points(stream, "front", front.objectives, self._canvases, ids=front.ids, named=True, static=True)
+        if self._parallel is not None:
+            self._parallel.log(stream, static=True)
+            stream.log(
+                f"{self._parallel.entity}/front",
+                self._parallel.lines(front.objectives, SCREEN.lines, 0.6, 1.0),
+                static=True,
+            )
+
+    def log_choices(self, stream: rr.RecordingStream, times: Times = NO_TIMES) -> None:
+        """Draw the choices, for all times, and their arms along their motions, at ``times`` too.
+
+        Where that was done before with other choices of the layer, what is drawn now takes their place.
+        """
+        for root, choice, point, motions in zip(ROOTS, self.choices, self._points, self._motions, strict=False):
+            self.scene.log_points(
+                stream,
+                root,
+                choice.objectives[None],
+                self._canvases,
+                ids=np.array([choice.id]),
+                named=True,
+                static=True,
+            )
+            if self._parallel is not None:
+                colour = SCREEN.chosen if root == ROOTS[0] else SCREEN.compared
+                lines = self._parallel.lines(choice.objectives[None], colour, 2.2, 4.0)
+                stream.log(f"{self._parallel.entity}/{root}", lines, static=True)
+            words = choice_text(self.front, choice, title="chosen" if root == ROOTS[0] else "compared")
+            stream.log(f"{root}/text", rr.TextDocument(words, media_type="text/markdown"), static=True)
+            if motions is not None and point.motion is not None:
+                self._log_motion(stream, motions, point, times)
+
+    def _log_motion(self, stream: rr.RecordingStream, motions: MotionScene, point: RecordedPoint, times: Times) -> None:
+        """Let the arm of a point move, and stand still on the recording's timelines."""
+        assert point.motion is not None
+        motions.log(stream)
+        others = {} if self.recorded is None else self.recorded.timelines
+        for timeline, kind in {**others, "motion": "duration"}.items():
+            stream.set_time(timeline, **{kind: 0})
+        motions.log_whole(stream, [point])
+        stream.reset_time()
+        samples = point.motion.time - point.motion.time[0]
+        times = np.union1d(samples, times)
+        rows = np.searchsorted(samples, times, side="right") - 1  # the sample that the arm has come to
+        motions.send(stream, point, [rr.TimeColumn("motion", duration=times)], rows)
+
+    def blueprint(self) -> rrb.Blueprint:
+        """Return the layout, with the views of the recorded run, if there is one, as a second tab."""
+        arms = [
+            (motions.view(), [chart.view() for chart in motions.charts.values()])
+            for motions in self._motions
+            if motions is not None
+        ]
+        texts = [
+            rrb.TextDocumentView(origin=f"{root}/text", name=name)
+            for root, name in zip(ROOTS, self._names, strict=False)
+        ]
+        below: list[rrb.View] = [] if self._parallel is None else [self._parallel.view()]
+        front = self.scene.view() if self._canvases else None
+        name = " beside ".join(self._names)
+        tab = None if self.recorded is None else recorded_tab(self.scene, self._motions[0], self.recorded)
+        narrow = self.width < WIDTH
+        return choice_blueprint(self._legend, front, below, arms, texts, name=name, recorded=tab, narrow=narrow)
+
+    @property
+    def scene(self) -> SearchScene:
+        """How the front is drawn."""
+        front = self.front
+        return SearchScene(
+            names=tuple(front.names), units=tuple(front.units), maximised=tuple(front.maximised), root=(ROOTS[0],)
+        )
+
+    @cached_property
+    def _canvases(self) -> list[Canvas]:
+        return self.scene.canvases(self.front.objectives)
+
+    @cached_property
+    def _parallel(self) -> ParallelAxes | None:
+        return self.scene.parallel_axes(self.front.objectives)
+
+    @cached_property
+    def _points(self) -> list[RecordedPoint]:
+        return [chosen_point(choice) for choice in self.choices]
+
+    @cached_property
+    def _motions(self) -> list[MotionScene | None]:
+        """The arms of the choices, on the same axes; None without a workcell or motions."""
+        cell = workcell_of_front(self.front)
+        if cell is None or any(point.motion is None for point in self._points):
+            return [None] * len(self.choices)
+        return [self._scene_of(cell, number) for number in range(len(self.choices))]
+
+    def _scene_of(self, cell: Workcell, number: int) -> MotionScene:
+        return MotionScene(
+            workcell=cell,
+            names=tuple(self.front.names),
+            points=[*self._points, *self.around],
+            title=self._names[number],
+            root=f"{ROOTS[number]}/",
+        )
+
+    @property
+    def _legend(self) -> Legend:
+        motions = next((each for each in self._motions if each is not None), None)
+        return Legend(entity=f"{ROOTS[0]}/legend", entries=choice_entries(self._names, motions), width=self.width)
+
+    @property
+    def _names(self) -> tuple[str, ...]:
+        return self.names or tuple(f"point {choice.id}" for choice in self.choices)

@@ -1,0 +1,228 @@
+"""The recording of resolved motions: arms along their path, and over time what their method did."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from paretoik.arrays import Times
+from paretoik.review.drawing.curve_charts import Chart, LimitLine
+from paretoik.review.drawing.front_panels import VIEW
+from paretoik.review.drawing.legend import Legend
+from paretoik.review.drawing.legend_entries import resolution_entries
+from paretoik.review.drawing.motion_scene import MotionScene
+from paretoik.review.drawing.recording_layout import TEXT, Layout, note_view, text_view
+from paretoik.review.drawing.resolution_text import motion_text, step_text
+from paretoik.review.drawing.search_charts import DrawnChart
+from paretoik.review.drawing_options import DRAWING
+from paretoik.review.palette import SCREEN, Colour
+from paretoik.review.recording.recorded_point import RecordedPoint
+from paretoik.review.recording.resolved import RecordedTraces, ResolutionEnd, ResolvedScene
+
+SMALLEST = 1e-16  # error that is drawn
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FinishedResolution:
+    """Resolved motions: the first of them drawn solid, some of the others beside it.
+
+    Timelines: ``motion``, along which all of them move, and of several ``solution``, which walks along them. ``note``
+    says what was left out.
+    """
+
+    scene: ResolvedScene
+    messages: Sequence[object]
+    end: ResolutionEnd
+    note: str = ""
+
+    def log(self, stream: rr.RecordingStream) -> None:
+        """Draw everything."""
+        self._layout.legend.log(stream)
+        self._motions.log(stream)
+        for chart, instants, curves in self._charts:
+            chart.log(stream)
+            chart.draw(stream, instants, curves, static=True)
+        if self._note:
+            stream.log("notes/left_out", rr.TextDocument(self._note), static=True)
+        stream.set_time("motion", duration=0.0)
+        stream.set_time("solution", sequence=0)
+        self._log_whole(stream, self.end.motions[0], self._together)
+        stream.reset_time()
+        self._send_motions(stream)
+        self._log_events(stream, self.end.motions[0])
+        for number, traces in enumerate(self.end.motions[1:], start=1):
+            stream.reset_time()
+            stream.set_time("solution", sequence=number)
+            self._log_whole(stream, traces, [traces.point])
+        stream.reset_time()
+        stream.send_blueprint(self._layout.blueprint())
+
+    def _log_whole(self, stream: rr.RecordingStream, traces: RecordedTraces, points: Sequence[RecordedPoint]) -> None:
+        """Draw a motion as the chosen one at the current time, with the words and the criteria that are its own."""
+        self._motions.log_whole(stream, points)
+        self._log_text(stream, motion_text(self.scene, traces, self.end))
+        for chart, instants, curves in self._own_charts(traces):
+            chart.log(stream)
+            chart.draw(stream, instants, curves)
+        self._log_marks(stream, traces)
+        for chart in self._all_charts:
+            chart.log_cursor(stream, float(traces.time[len(traces.time) // 2]))
+
+    def _log_marks(self, stream: rr.RecordingStream, traces: RecordedTraces) -> None:
+        """Mark on the curve of errors the samples whose step was not simply done."""
+        chart, _, _ = self._charts[0]
+        rows = np.flatnonzero(traces.status != "done") + 1
+        places = np.stack([traces.time[rows], _logarithm(traces.error)[rows]], axis=1)
+        marks = rr.Points2D(
+            chart.canvas.place(places), colors=SCREEN.failed, radii=rr.Radius.ui_points(3.0), draw_order=3.0
+        )
+        stream.log(f"{chart.entity}/marks", marks)
+
+    def _send_motions(self, stream: rr.RecordingStream) -> None:
+        """Let the arms move, and cursors with them."""
+        for point in self._together:
+            assert point.motion is not None
+            columns = [rr.TimeColumn("motion", duration=point.motion.time - point.motion.time[0])]
+            self._motions.send(stream, point, columns)
+            if point.axis is None:
+                self._motions.send_series(stream, point, columns)
+                for chart in self._all_charts:
+                    chart.send_cursor(stream, columns, point.motion.time)
+
+    def _log_events(self, stream: rr.RecordingStream, traces: RecordedTraces) -> None:
+        """Say, while the arm moves, what begins at a step: where its status is another than that of the one before."""
+        words = motion_text(self.scene, traces, self.end)
+        changes = np.flatnonzero(traces.status[1:] != traces.status[:-1]) + 1
+        first = [0] if traces.status[0] != "done" else []
+        for step in [*first, *changes[: DRAWING.walk]]:
+            stream.reset_time()
+            stream.set_time("motion", duration=float(traces.time[step + 1] - traces.time[0]))
+            self._log_text(stream, f"{step_text(traces, int(step))}\n\n{words}")
+
+    def _log_text(self, stream: rr.RecordingStream, words: str) -> None:
+        stream.log(TEXT, rr.TextDocument(words, media_type="text/markdown"))
+
+    @cached_property
+    def _beside(self) -> list[RecordedTraces]:
+        """Motions that are drawn beside the first one, a colour each."""
+        others = list(self.end.motions[1:])
+        count = min(len(others), len(SCREEN.ends))
+        return [others[place] for place in np.unique(np.linspace(0, len(others) - 1, count).round().astype(int))]
+
+    @cached_property
+    def _together(self) -> list[RecordedPoint]:
+        """The first motion, and those beside it, as points with their colours' axes."""
+        beside = [replace(each.point, axis=axis) for axis, each in enumerate(self._beside)]
+        return [self.end.motions[0].point, *beside]
+
+    @cached_property
+    def _motions(self) -> MotionScene:
+        points = [*self._together, *(each.point for each in self.end.motions[1:])]
+        names = tuple(each.name for each in self._beside)
+        return MotionScene(workcell=self.scene.workcell, names=names, points=points, prefix="")
+
+    @cached_property
+    def _charts(self) -> list[DrawnChart]:
+        """Charts with a curve of each motion that is drawn: the task error first."""
+        shown, unit = [self.end.motions[0], *self._beside], self.scene.error_unit
+        kept = np.log10(max(self.scene.tolerance, SMALLEST))
+        tolerance = self._limit(kept, "tolerance" if len(shown) > 1 else "", SCREEN.limit)
+        error = self._chart(
+            "error", f"log10 of the task error [{unit}]", [_logarithm(each.error) for each in shown], [tolerance]
+        )
+        error = replace(error[0], total=VIEW), error[1], error[2]
+        speed = self._chart("speed", "commanded joint speed [rad/s, m/s]", [_steps(each.speed) for each in shown])
+        charts = [error, speed]
+        for name, label in (("damping", "damping"), ("repulsion", "joint speed away from limits [rad/s, m/s]")):
+            curves = [_steps(getattr(each, name)) for each in shown]
+            if any(np.nanmax(np.abs(curve), initial=0.0) > 0 for curve in curves):
+                charts.append(self._chart(name, label, curves))
+        if shown[0].clearance is not None:
+            kept = self._limit(self.scene.min_clearance, "", SCREEN.limit)
+            distances = [each.clearance for each in shown if each.clearance is not None]
+            charts.append(self._chart("clearance", "clearance [m]", distances, [kept]))
+        return charts
+
+    def _own_charts(self, traces: RecordedTraces) -> Iterator[DrawnChart]:
+        """Yield the chart of the speeds that each criterion adds, of one motion."""
+        if self._criteria_chart is not None:
+            curves = np.stack([_steps(curve) for curve in traces.criteria.T])
+            yield self._criteria_chart, traces.time, curves
+
+    @cached_property
+    def _criteria_chart(self) -> Chart | None:
+        names = self.scene.criteria
+        if not names:
+            return None
+        motions = self.end.motions
+        shown = [np.stack([each.time, _steps(curve)], axis=1) for each in motions for curve in each.criteria.T]
+        label = "joint speed from criteria [rad/s, m/s]"
+        return Chart(
+            entity="charts/criteria",
+            title=label,
+            labels=("time [s]", label),
+            shown=np.concatenate(shown),
+            names=names,
+            colours=[SCREEN.joint(number) for number in range(len(names))],
+        )
+
+    @property
+    def _all_charts(self) -> list[Chart]:
+        own = [] if self._criteria_chart is None else [self._criteria_chart]
+        return [*(chart for chart, _, _ in self._charts), *own]
+
+    def _chart(
+        self, name: str, label: str, curves: Sequence[np.ndarray], limits: Sequence[LimitLine] = ()
+    ) -> DrawnChart:
+        time = self.end.motions[0].time
+        chart = Chart(
+            entity=f"charts/{name}",
+            title=label,
+            labels=("time [s]", label),
+            shown=np.concatenate([np.stack([time, curve], axis=1) for curve in curves]),
+            names=[each.name for each in (self.end.motions[0], *self._beside)],
+            colours=[SCREEN.chosen, *(SCREEN.end(axis) for axis in range(len(self._beside)))],
+            limits=limits,
+        )
+        return chart, time, np.stack(curves)
+
+    def _limit(self, value: float, name: str, colour: Colour) -> LimitLine:
+        time: Times = self.end.motions[0].time
+        return LimitLine(instants=time[[0, -1]], values=np.array([value, value]), name=name, colour=colour)
+
+    @property
+    def _note(self) -> str:
+        recorded = len(self.end.motions)
+        words = f"Of {self.end.count} motions {recorded} are shown." if recorded < self.end.count else ""
+        return " ".join(filter(None, (self.note, words)))
+
+    @cached_property
+    def _layout(self) -> Layout:
+        motions = self._motions
+        notes: list[rrb.View] = [note_view()] if self._note else []
+        names = [each.name for each in self._beside]
+        return Layout(
+            legend=Legend(entity="legend", entries=resolution_entries(motions, self.end.motions[0].name, names)),
+            front=self._all_charts[0].view(),
+            charts=[chart.view() for chart in self._all_charts[1:]],
+            arm=motions.view(),
+            joints=[chart.view() for chart in motions.charts.values()],
+            texts=[text_view("method"), *notes],
+            timeline="motion",
+            name=self.scene.method,
+            frames=DRAWING.slow_frames,
+        )
+
+
+def _logarithm(errors: np.ndarray) -> np.ndarray:
+    return np.asarray(np.log10(np.maximum(np.nan_to_num(errors, nan=0.0, posinf=1e16), SMALLEST)))
+
+
+def _steps(values: np.ndarray) -> np.ndarray:
+    """Return what is known of steps at samples: that of a step at its end, of the first also at its beginning."""
+    return np.concatenate([values[:1], values])

@@ -1,0 +1,150 @@
+"""The Rerun viewer in a notebook, on a front: what is selected there is known here, and its motion is shown."""
+
+from __future__ import annotations
+
+import io
+import os
+from collections.abc import Callable
+from contextlib import redirect_stdout
+from dataclasses import replace
+from importlib.util import find_spec
+from typing import Any, Literal
+
+import numpy as np
+import rerun as rr
+
+from paretoik.arrays import Ids
+from paretoik.errors import Infeasible, InvalidInput, check_size
+from paretoik.front.choices import chosen
+from paretoik.front.compromise import compromise
+from paretoik.front.front import Choice, Front
+from paretoik.inputs import check_function
+from paretoik.review.drawing.choice_layer import ROOTS, ChoiceLayer
+from paretoik.review.drawing.parallel_axes import drawn_rows
+from paretoik.review.drawing_options import DRAWING
+from paretoik.review.recording.recorded_end import front_point
+
+PACKAGE = "rerun_notebook"
+ASSET = "RERUN_NOTEBOOK_ASSET"  # where the browser gets the viewer from; by default the Rerun company's server
+ROOT = ROOTS[0]
+CELL = 1000.0  # width of a notebook's cell [pixels]
+
+
+class FrontView:
+    """A front in a notebook; ``viewer`` is the ``rerun.notebook.Viewer`` that shows it."""
+
+    def __init__(self, front: Front, viewer: Callable[[rr.RecordingStream], Any]) -> None:
+        self._front = front
+        self._choice = chosen(front) or compromise(front)
+        self._selected: Ids = np.zeros(0, dtype=np.int64)
+        self._callbacks = list[Callable[[Ids], object]]()
+        self._times = np.zeros(0)  # of all motions that were shown
+        rows = np.linspace(0, len(front) - 1, min(len(front), DRAWING.walk)).round().astype(int)
+        around = tuple(front_point(front, row) for row in np.unique(rows).tolist())
+        self._layer = ChoiceLayer(
+            front=front, choices=(self._choice,), names=("selected point",), around=around, width=CELL
+        )
+        self._stream = rr.RecordingStream("paretoik-front", send_properties=False)
+        self.viewer = viewer(self._stream)
+        self._layer.log_front(self._stream)
+        self._log_choice()
+        self._stream.send_blueprint(self._layer.blueprint(), make_active=True, make_default=True)
+        self._stream.flush()
+        self.viewer.on_event(self._receive)
+
+    @property
+    def selected(self) -> Ids:
+        """The ids of the points that were selected last; none where something else was."""
+        return self._selected
+
+    @property
+    def choice(self) -> Choice:
+        """The point whose motion is shown."""
+        return self._choice
+
+    def on_select(self, callback: Callable[[Ids], object]) -> None:
+        """Have a function called with the ids of every selection from now on.
+
+        Raises InvalidInput for what cannot be called.
+        """
+        if not callable(callback):
+            raise InvalidInput(f"on_select: a function wanted, got {callback!r}")
+        self._callbacks.append(callback)
+
+    def show(self, point: int | Choice) -> None:
+        """Show the motion of a point, by its id or as a choice; raises InvalidInput for points of other fronts."""
+        self._choice = self._front[int(point.id if isinstance(point, Choice) else point)]
+        self._layer = replace(self._layer, choices=(self._choice,))
+        self._log_choice()
+        self._stream.flush()
+
+    def __repr__(self) -> str:
+        """Return in a line what is shown and selected."""
+        return f"FrontView of {len(self._front)} points: shows {self._choice.id}, selected {self._selected.tolist()}"
+
+    def _ipython_display_(self) -> None:
+        self.viewer.display()
+
+    def _log_choice(self) -> None:
+        """Draw the choice at all times that anything was drawn at before, so that nothing of that is left."""
+        motion = self._choice.motion
+        if getattr(motion, "time", None) is not None:
+            self._times = np.union1d(self._times, np.asarray(motion.time) - motion.time[0])
+        self._layer.log_choices(self._stream, self._times)
+
+    def _receive(self, event: Any) -> None:
+        """Take in an event of the viewer."""
+        if event.type != "selection_change":
+            return
+        items = [item for item in event.items if item.type == "entity"]
+        ids = np.concatenate([np.zeros(0, dtype=np.int64), *map(self._ids_of, items)])
+        self._selected = ids[np.sort(np.unique(ids, return_index=True)[1])]
+        if len(self._selected) and int(self._selected[0]) != self._choice.id:
+            self.show(int(self._selected[0]))
+        for callback in self._callbacks:
+            callback(self._selected)
+
+    def _ids_of(self, item: Any) -> Ids:
+        """Return the ids of the points that an entity draws, or of the one that an instance of it stands for."""
+        first, *_, last = parts = item.entity_path.strip("/").split("/")
+        if not first.startswith(ROOT):
+            return np.zeros(0, dtype=np.int64)
+        ids = self._front.ids
+        if last == "front" and "parallel" in parts[1:2]:
+            ids = ids[drawn_rows(len(ids))]
+        elif last != "front":
+            own = last == ROOT or parts[1:2] in (["arm"], ["joint_charts"]) or first != ROOT
+            return np.array([self._choice.id] if own else [], dtype=np.int64)
+        number = item.instance_id
+        return np.asarray(ids if number is None else ids[number : number + 1], dtype=np.int64)
+
+
+def open_view(
+    front: Front,
+    *,
+    on_select: Callable[[Ids], object] | None,
+    width: int | Literal["auto"],
+    height: int | Literal["auto"],
+) -> FrontView:
+    """Return the view that ``front.view`` promises."""
+    for name, size in {"width": width, "height": height}.items():
+        if size != "auto":
+            check_size(name, size, 1)
+    check_function("on_select", on_select)
+    if find_spec(PACKAGE) is None:
+        raise InvalidInput(
+            'view: the package rerun-notebook wanted, which is not installed: pip install "paretoik[notebook]"'
+        )
+    if not len(front):
+        raise Infeasible("view: wanted a front of at least one point, got none: no point was feasible")
+    os.environ.setdefault(ASSET, "serve-local")  # before the package is loaded
+    with redirect_stdout(io.StringIO()):  # where it says that it serves
+        from rerun.notebook import Viewer
+
+    def viewer(stream: rr.RecordingStream) -> Viewer:
+        return Viewer(recording=stream, width=width, height=height, theme="dark")
+
+    view = FrontView(front, viewer)
+    if on_select is not None:
+        view.on_select(on_select)
+    return view

@@ -1,0 +1,74 @@
+"""Axes of a scene in space: a ground with a grid and ticks in metres, and a measured upright."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from paretoik.arrays import Vector3
+from paretoik.review.drawing.drawn_axes import nice_ticks, tick_text
+from paretoik.review.palette import SCREEN
+
+METRES = ("x [m]", "y [m]", "z [m]")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Ground:
+    """The box from ``low`` to ``high`` (3,) [m] that a scene fills, with a grid of ``step`` [m] below it.
+
+    ``labels`` are those of its axes, which may count something else than metres.
+    """
+
+    low: Vector3
+    high: Vector3
+    step: float
+    labels: tuple[str, str, str] = METRES
+
+    @staticmethod
+    def around(points: np.ndarray, *, labels: tuple[str, str, str] = METRES) -> Ground:
+        """Return the ground of points (points, 3), its corners on round lengths, and not above 0 where all is near."""
+        low, high = points.min(axis=0), points.max(axis=0)
+        width = max(float((high - low).max()), 1e-6)
+        step = float(np.diff(nice_ticks(0.0, width, count=4))[0])
+        middle, half = (low + high) / 2, np.maximum((high - low) / 2, 0.2 * width)
+        low, high = np.minimum(low, middle - half), np.maximum(high, middle + half)
+        low[2] = min(float(points[:, 2].min()), 0.0) if points[:, 2].min() < width else low[2]
+        return Ground(
+            low=np.floor(low / step + 1e-6) * step, high=np.ceil(high / step - 1e-6) * step, step=step, labels=labels
+        )
+
+    def log(self, recording: rr.RecordingStream, entity: str) -> None:
+        """Draw grid, ticks and labels, for all times."""
+        (x0, y0, z0), (x1, y1, z1) = self.low, self.high
+        x, y, z = (self._ticks(axis) for axis in range(3))
+        lines = [[(a, y0, z0), (a, y1, z0)] for a in x] + [[(x0, b, z0), (x1, b, z0)] for b in y]
+        upright = [[(x0, y0, z0), (x0, y0, z1)]]
+        marks = [[(x0, y0, c), (x0 + 0.15 * self.step, y0, c)] for c in z]
+        colours = [SCREEN.grid] * len(lines) + [SCREEN.frame] * (1 + len(marks))
+        strips = rr.LineStrips3D([*lines, *upright, *marks], colors=colours, radii=rr.Radius.ui_points(0.7))
+        recording.log(f"{entity}/grid", strips, static=True)
+        beside = 0.07 * float((self.high - self.low).max())
+        places = [(a, y0 - beside, z0) for a in x[1:-1]] + [(x1 + beside, b, z0) for b in y[1:-1]]
+        places += [(x0 - beside, y0 - 0.3 * beside, c) for c in z[1:]]
+        words = [tick_text(tick) for tick in (*x[1:-1], *y[1:-1], *z[1:])]
+        names = [((x0 + x1) / 2, y0 - 2.6 * beside, z0), (x1 + 2.6 * beside, (y0 + y1) / 2, z0), (x0, y0, z1 + beside)]
+        text = rr.Points3D(
+            places + names,
+            labels=[*words, *self.labels],
+            show_labels=True,
+            colors=[SCREEN.frame] * len(words) + [SCREEN.text] * 3,
+            radii=rr.Radius.ui_points(0.0),
+        )
+        recording.log(f"{entity}/labels", text, static=True)
+
+    def eye(self) -> rrb.EyeControls3D:
+        """Look at the middle of everything from in front, from the right and from above, its labels in sight."""
+        middle, size = (self.low + self.high) / 2, float(np.linalg.norm(self.high - self.low))
+        return rrb.EyeControls3D(position=middle + size * np.array([0.53, -0.89, 0.5]), look_target=middle)
+
+    def _ticks(self, axis: int) -> np.ndarray:
+        count = round((self.high[axis] - self.low[axis]) / self.step)
+        return np.round(self.low[axis] + self.step * np.arange(count + 1), 9) + 0.0

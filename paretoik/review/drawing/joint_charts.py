@@ -1,0 +1,99 @@
+"""Charts of what joints do along a motion, with their limits drawn in."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from paretoik.arrays import Times, Values
+from paretoik.review.drawing.curve_charts import Chart, LimitLine
+from paretoik.review.palette import SCREEN
+from paretoik.review.recording.workcell import Workcell
+from paretoik.robot.arm import Arm
+from paretoik.task.limits import JOINT_UNITS
+
+CurvedMotion = tuple[np.ndarray, Mapping[str, np.ndarray]]  # times (time,), and (time, dof) by kind
+ALWAYS = ("position", "velocity", "torque")
+
+
+def joint_charts(root: str, cell: Workcell, motions: Sequence[CurvedMotion]) -> dict[str, Chart]:
+    """Return a chart a kind of quantity at entities below ``root``, wide enough for all ``motions``, times with curves.
+
+    Accelerations and powers are drawn where they are limited.
+    """
+    charts = {}
+    sliding = is_sliding(cell.arm)
+    for kind, units in JOINT_UNITS.items():
+        if not motions or (kind not in ALWAYS and kind not in cell.bounds):
+            continue
+        end = max(float(time[-1]) for time, _ in motions)
+        title = {"torque": "joint torque" if not sliding.all() else "joint force"}.get(kind, f"joint {kind}")
+        charts[kind] = Chart(
+            entity=f"{root}/{kind}",
+            title=title,
+            labels=("time [s]", f"{title} [{joint_units(cell.arm, units)}]"),
+            shown=np.concatenate([_points(time, curves[kind]) for time, curves in motions]),
+            names=cell.arm.joint_names,
+            colours=[SCREEN.joint(number) for number in range(cell.arm.dof)],
+            limits=limit_lines(cell, kind, end),
+        )
+    return charts
+
+
+def posture_chart(
+    cell: Workcell, values: Values, postures: Float[np.ndarray, "points dof"], label: str
+) -> tuple[Chart, np.ndarray, np.ndarray]:
+    """Return the joint positions of postures (points, dof) over values of an objective, as a chart and its curves."""
+    chart = Chart(
+        entity="postures",
+        dots=True,
+        title="joint position over the front",
+        labels=(label, f"joint position [{joint_units(cell.arm, JOINT_UNITS['position'])}]"),
+        shown=np.stack([np.repeat(values, postures.shape[1]), postures.ravel()], axis=1),
+        names=cell.arm.joint_names,
+        colours=[SCREEN.joint(number) for number in range(cell.arm.dof)],
+        limits=[
+            replace(limit, instants=np.array([values.min(), values.max()]))
+            for limit in limit_lines(cell, "position", 1.0)
+        ],
+    )
+    return chart, values, postures.T
+
+
+def limit_lines(cell: Workcell, kind: str, end: float) -> list[LimitLine]:
+    """Return the limits of a kind up to the time ``end`` [s]: in red where they are those of every joint."""
+    if kind not in cell.bounds:
+        return []
+    bounds = cell.bounds[kind]
+    instants = np.array([0.0, end]) if len(bounds) == 1 else cell.times
+    bounds = np.broadcast_to(bounds, (max(len(bounds), 2), *bounds.shape[1:])) if len(bounds) == 1 else bounds
+    shared = bool((bounds == bounds[:, :1]).all())
+    joints = (
+        [(0, "", SCREEN.limit)]
+        if shared
+        else [(number, name, SCREEN.joint(number)) for number, name in enumerate(cell.arm.joint_names)]
+    )
+    return [
+        LimitLine(instants=instants, values=np.array(bounds[:, number, side]), name=name, colour=colour)
+        for number, name, colour in joints
+        for side in (0, 1)
+        if np.isfinite(bounds[:, number, side]).any()
+    ]
+
+
+def joint_units(arm: Arm, units: tuple[str, str]) -> str:
+    """Return the units of an arm's joints of two, of turning and of sliding ones."""
+    (turning, straight), sliding = units, is_sliding(arm)
+    return " or ".join(dict.fromkeys([turning] * bool((~sliding).any()) + [straight] * bool(sliding.any())))
+
+
+def is_sliding(arm: Arm) -> Bool[np.ndarray, " dof"]:
+    """Say which joints slide."""
+    return np.array([kind == "prismatic" for kind in arm.joint_types])
+
+
+def _points(time: Times, values: Float[np.ndarray, "time dof"]) -> np.ndarray:
+    return np.stack([np.repeat(time, values.shape[1]), values.ravel()], axis=1)

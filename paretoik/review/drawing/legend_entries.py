@@ -1,0 +1,84 @@
+"""What the legend of a recording says."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from paretoik.review.drawing.motion_scene import MotionScene
+from paretoik.review.drawing.search_scene import SearchScene
+from paretoik.review.palette import SCREEN, Colour
+from paretoik.review.recording.workcell import Workcell
+
+Entry = tuple[str, Colour]
+
+
+def search_entries(scene: SearchScene, motions: MotionScene | None, *, chosen: str = "compromise") -> list[Entry]:
+    """Return what is drawn of a search in which colour."""
+    loop = scene.timeline == "step"
+    behind = {"level": "dominated", "refinement": "before"}.get(scene.timeline, "population")
+    entries: list[Entry] = [("front of the step" if loop else "front", SCREEN.front), (chosen, SCREEN.chosen)]
+    if not loop:
+        entries = [(behind, SCREEN.population), *entries, ("final front", SCREEN.final)]
+        entries += [("ε: bound of this level", SCREEN.epsilon)] if scene.timeline == "level" else []
+        entries += [("from before to after", SCREEN.moves)] if scene.timeline == "refinement" else []
+        if len(scene.names) > 1:
+            entries += [(f"best {name}", SCREEN.end(axis)) for axis, name in enumerate(scene.names)]
+    return entries + ([] if motions is None else motion_entries(motions, chosen))
+
+
+def plan_entries(motions: MotionScene | None) -> list[Entry]:
+    """Return what is drawn of a plan in which colour."""
+    entries: list[Entry] = [
+        ("start", SCREEN.population),
+        ("what it led to", SCREEN.front),
+        ("start that led to no optimum", SCREEN.failed),
+        ("best", SCREEN.chosen),
+        ("values of the optima", SCREEN.final),
+    ]
+    arms = [] if motions is None else [*motion_entries(motions, "best"), ("arm of the start", SCREEN.end(0))]
+    return entries + arms
+
+
+def resolution_entries(motions: MotionScene, first: str, others: Sequence[str]) -> list[Entry]:
+    """Return what is drawn of resolved motions in which colour; the ``first`` is drawn solid."""
+    named: list[Entry] = [(first, SCREEN.chosen)] if others else []
+    named += [(name, SCREEN.end(axis)) for axis, name in enumerate(others)]
+    return [*named, ("step that was not simply done", SCREEN.failed), *motion_entries(motions, first)]
+
+
+def maxima_entries(cell: Workcell, word: str) -> list[Entry]:
+    """Return what is drawn of directional maxima in which colour."""
+    entries: list[Entry] = [
+        (f"highest {word}s so far", SCREEN.front),
+        ("this direction", SCREEN.chosen),
+        ("all directions", SCREEN.final),
+        ("arm in the posture of this direction", SCREEN.arm),
+        ("postures of those before", SCREEN.ghost),
+        ("position of the tool", SCREEN.target),
+        ("limits: dashed", SCREEN.text),
+    ]
+    return entries + ([("obstacle", SCREEN.obstacle)] if cell.obstacles else [])
+
+
+def motion_entries(motions: MotionScene, chosen: str) -> list[Entry]:
+    """Return what is drawn of motions in which colour."""
+    cell = motions.workcell
+    entries: list[Entry] = [(f"arm of the {chosen}" if chosen == "compromise" else "arm", SCREEN.arm)]
+    if any(point.motion is not None and not point.motion.is_standing for point in motions.points):
+        entries += [("its postures over time", SCREEN.ghost), ("path of its tool", SCREEN.path)]
+    else:
+        entries.append(("other postures of the front", SCREEN.ghost))
+    if cell.paths:
+        entries.append(("path to follow", SCREEN.target))
+    if cell.obstacles:
+        entries.append(("obstacle", SCREEN.obstacle))
+    if any(chart.limits for chart in motions.charts.values()):
+        entries.append(("limits: dashed", SCREEN.text))
+    return entries
+
+
+def choice_entries(names: Sequence[str], motions: MotionScene | None) -> list[Entry]:
+    """Return what is drawn of one or two choices in which colour."""
+    colours = (SCREEN.chosen, SCREEN.compared)
+    marked: list[Entry] = [(name, colour) for name, colour in zip(names, colours, strict=False)]
+    return [("front", SCREEN.front), *marked, *([] if motions is None else motion_entries(motions, "of the point"))]

@@ -1,0 +1,91 @@
+"""Parallel coordinates: an axis an objective beside each other, and a line a point across them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+from jaxtyping import Int
+
+from paretoik.arrays import Objectives, Values
+from paretoik.review.drawing.curve_charts import TOTAL
+from paretoik.review.drawing.drawn_axes import TEXT, fitting_ticks, labels, text_width, tick_text
+from paretoik.review.drawing_options import DRAWING
+from paretoik.review.palette import SCREEN, Colour
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ParallelAxes:
+    """The axes of objectives with ``labels`` between the values ``low`` and ``high`` (n_obj,), drawn at ``entity``."""
+
+    entity: str
+    labels: tuple[str, ...]
+    low: Values
+    high: Values
+
+    @staticmethod
+    def around(entity: str, labels: tuple[str, ...], shown: Objectives) -> ParallelAxes:
+        """Return axes that hold all of `shown` (points, n_obj), at least one point."""
+        low, high = shown.min(axis=0), shown.max(axis=0)
+        width = np.where(high > low, high - low, np.maximum(0.1 * np.abs(high), 1e-9))
+        return ParallelAxes(entity=entity, labels=labels, low=low - 0.04 * width, high=high + 0.04 * width)
+
+    def view(self) -> rrb.View:
+        """Return the view."""
+        y_range = [-TEXT.top - self._stagger, self._height + 16.0]
+        bounds = rrb.VisualBounds2D(x_range=[-TEXT.left, TOTAL[0] - TEXT.left], y_range=y_range)
+        return rrb.Spatial2DView(
+            origin=self.entity, name="parallel coordinates", visual_bounds=bounds, background=SCREEN.background
+        )
+
+    def log(self, recording: rr.RecordingStream, *, static: bool) -> None:
+        """Draw axes, ticks and labels."""
+        strips, words, places = list[np.ndarray](), list[str](), list[tuple[float, float]]()
+        for axis, (x, low, high) in enumerate(zip(self._x, self.low, self.high, strict=True)):
+            strips.append(np.array([(x, 0.0), (x, self._height)]))
+            ticks = fitting_ticks(low, high, room=self._height, size=lambda _: 0.6 * TEXT.line, largest=5)
+            for tick in ticks:
+                y = float(self._upwards(np.array(tick), low, high))
+                strips.append(np.array([(x - 4.0, y), (x + 4.0, y)]))
+                words.append(tick_text(tick))
+                places.append((x - 10.0 - 0.5 * text_width(words[-1]), y))
+            words.append(self.labels[axis])
+            last = self._x[-1] + 0.8 * TEXT.left - 0.5 * text_width(words[-1])
+            middle = min(max(x, 0.5 * text_width(words[-1]) - 0.85 * TEXT.left), last) if len(self._x) > 1 else x
+            places.append((middle, -0.7 * TEXT.line - self._stagger * (axis % 2)))
+        grid = rr.LineStrips2D(strips, colors=SCREEN.frame, radii=rr.Radius.ui_points(0.8), draw_order=3.0)
+        recording.log(f"{self.entity}/axes/lines", grid, static=static)
+        recording.log(f"{self.entity}/axes/labels", labels(words, np.array(places)), static=static)
+
+    def lines(self, F: Objectives, colour: Colour, radius: float, order: float) -> rr.LineStrips2D:
+        """Return a line a point of F (points, n_obj), evenly picked ones of many."""
+        finite = F[np.isfinite(F).all(axis=1)]
+        inside = finite[((finite >= self.low) & (finite <= self.high)).all(axis=1)]
+        heights = self._upwards(inside[drawn_rows(len(inside))], self.low, self.high)
+        strips = [np.stack([self._x, each], axis=1) for each in heights]
+        return rr.LineStrips2D(strips, colors=colour, radii=rr.Radius.ui_points(radius), draw_order=order)
+
+    def _upwards(self, values: np.ndarray, low: float | Values, high: float | Values) -> np.ndarray:
+        return np.asarray((1.0 - (values - low) / (high - low)) * self._height)
+
+    @property
+    def _x(self) -> Values:
+        return np.linspace(0.0, TOTAL[0] - TEXT.left - 56.0, len(self.labels))
+
+    @property
+    def _height(self) -> float:
+        return TOTAL[1] - TEXT.top - self._stagger - 16.0
+
+    @property
+    def _stagger(self) -> float:
+        """How far every second label is moved up, where neighbours would overlap."""
+        room = TOTAL[0] / len(self.labels)
+        return TEXT.line if TEXT.character * max(map(len, self.labels)) > room - 10.0 else 0.0
+
+
+def drawn_rows(count: int) -> Int[np.ndarray, " rows"]:
+    """Return the rows of so many points that have a line."""
+    rows = np.linspace(0, max(count - 1, 0), min(DRAWING.parallel_lines, count))
+    return np.unique(rows.round().astype(int))

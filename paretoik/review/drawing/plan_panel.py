@@ -1,0 +1,172 @@
+"""The panel of a plan: the objective at every start, at what it led to, and at the optima, level by level."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+from jaxtyping import Float
+
+from paretoik.arrays import Values
+from paretoik.review.drawing.drawn_axes import TEXT, Canvas, labels, window
+from paretoik.review.palette import SCREEN, Colour, screen_label
+from paretoik.review.recording.planned import PlannedLevel, PlannedOptimum, PlannedScene
+
+ENTITY = "objective"
+FAR = 0.9  # quantile of what starts led to: what is worse is not looked at
+SHOWN = 12  # final optima beside each other
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlanPanel:
+    """A band a level with its starts beside each other in the order of the search, and one of the final ``optima``.
+
+    Across, a band is one wide. What is too far off is drawn at the edge.
+    """
+
+    scene: PlannedScene
+    levels: Sequence[PlannedLevel]
+    optima: Sequence[PlannedOptimum]
+
+    def view(self) -> rrb.View:
+        """Return the view."""
+        bounds = self.canvas.bounds()
+        return rrb.Spatial2DView(
+            origin=ENTITY, name="objective at starts", visual_bounds=bounds, background=SCREEN.background
+        )
+
+    def log(self, recording: rr.RecordingStream) -> None:
+        """Draw axes, where levels begin, and the final optima, for all times."""
+        self.canvas.log(recording, ENTITY, static=True)
+        self._log_bands(recording)
+        final = [np.array([(0.0, value), (self._end, value)]) for value in self._final if self._is_near(value)]
+        strips = [self.canvas.place(line) for line in final]
+        lines = rr.LineStrips2D(strips, colors=SCREEN.final, radii=rr.Radius.ui_points(0.7), draw_order=0.5)
+        recording.log(f"{ENTITY}/final", lines, static=True)
+
+    def log_until(self, recording: rr.RecordingStream, count: int, *, ended: bool = False) -> None:
+        """Draw the first so many starts with what they led to, the best of it, and where all ``ended`` the optima."""
+        across = self.across[:count]
+        starts, ends = self.starts[:count], self.ends[:count]
+        failed = ~np.isfinite(ends)
+        self._log_points(recording, "starts", across[~failed], starts[~failed], SCREEN.population, 2.2, 1.0)
+        self._log_points(recording, "failed", across[failed], starts[failed], SCREEN.failed, 2.2, 1.0)
+        self._log_points(recording, "ends", across[~failed], ends[~failed], SCREEN.front, 3.2, 2.0)
+        places = self._places if ended else np.zeros(0)
+        self._log_points(recording, "optima", places, self._final[: len(places)], SCREEN.front, 4.5, 3.0)
+        if ended and len(places):
+            best, where = float(self._final[0]), float(places[0])
+        elif not failed.all():
+            row = self._best(ends)
+            best, where = float(ends[row]), float(across[row])
+        else:
+            return
+        self._log_points(recording, "best", np.array([where]), np.array([best]), SCREEN.chosen, 6.5, 4.0)
+
+    def log_start(self, recording: rr.RecordingStream, number: int) -> None:
+        """Mark a start by its number, from 1, and what it led to."""
+        low, high, x = self.canvas.low[1], self.canvas.high[1], self.across[number - 1]
+        line = self.canvas.place(np.array([(x, low), (x, high)]))
+        cursor = rr.LineStrips2D([line], colors=SCREEN.text, radii=rr.Radius.ui_points(0.8), draw_order=0.8)
+        recording.log(f"{ENTITY}/cursor", cursor)
+
+    def log_optimum(self, recording: rr.RecordingStream, place: int) -> None:
+        """Mark a final optimum by its place."""
+        where = self._places[min(place, SHOWN - 1), None]
+        value = np.array([self.optima[place].point.objectives[0]])
+        self._log_points(recording, "best", where, value, SCREEN.chosen, 6.5, 4.0)
+
+    @cached_property
+    def starts(self) -> Values:
+        """The objective at all starts (starts,), level after level."""
+        return np.concatenate([np.zeros(0), *(level.starts for level in self.levels)])
+
+    @cached_property
+    def ends(self) -> Values:
+        """The objective at what all starts led to (starts,), NaN where that is no optimum."""
+        return np.concatenate([np.zeros(0), *(level.ends for level in self.levels)])
+
+    @cached_property
+    def across(self) -> Values:
+        """Where all starts stand (starts,): in the band of their level."""
+        bands = [
+            place + (np.arange(len(level.starts)) + 0.5) / len(level.starts) for place, level in enumerate(self.levels)
+        ]
+        return np.concatenate([np.zeros(0), *bands])
+
+    @cached_property
+    def canvas(self) -> Canvas:
+        """Where the panel is drawn."""
+        optima = np.concatenate([self._final, *(level.optima[:1] for level in self.levels)])
+        reached = self.ends[np.isfinite(self.ends)]
+        far = np.quantile(reached, FAR if not self.scene.maximised else 1 - FAR) if len(reached) else None
+        seen = np.concatenate([optima, [] if far is None else [far]])
+        seen = seen[np.isfinite(seen)] if np.isfinite(seen).any() else self.starts[np.isfinite(self.starts)]
+        seen = seen if len(seen) else np.zeros(1)
+        low, high = float(seen.min()), float(seen.max())
+        reach = 1.5 * max(high - low, 0.02 * max(abs(low), abs(high)), 1e-12)
+        near = np.concatenate([seen, self.starts, reached])
+        near = near[np.isfinite(near) & (near >= low - reach) & (near <= high + reach)]
+        corners = np.stack([np.resize([0.0, self._end], len(near) + 2), np.append(near, [low, high])], axis=1)
+        low_corner, high_corner = window(corners, margin=0.06)
+        low_corner[0], high_corner[0] = 0.0, self._end
+        label = screen_label(self.scene.name, self.scene.unit, self.scene.maximised)
+        return Canvas(low=low_corner, high=high_corner, labels=("", label), ticked=(False, True))
+
+    def beyond(self, level: PlannedLevel) -> int:
+        """Return how many of a level's starts are too far off and at the edge."""
+        return int(sum(not self._is_near(value) for value in level.starts))
+
+    @property
+    def _final(self) -> Values:
+        return np.array([each.point.objectives[0] for each in self.optima[:SHOWN]], dtype=float)
+
+    @property
+    def _end(self) -> float:
+        return float(max(len(self.levels) + bool(self.optima), 1))
+
+    @property
+    def _places(self) -> Values:
+        """Where the final optima stand across."""
+        return len(self.levels) + (np.arange(len(self._final)) + 0.5) / max(len(self._final), 1)
+
+    def _best(self, ends: Values) -> int:
+        return int(np.nanargmax(ends) if self.scene.maximised else np.nanargmin(ends))
+
+    def _is_near(self, value: float) -> bool:
+        return bool(self.canvas.low[1] <= value <= self.canvas.high[1])
+
+    def _log_points(
+        self,
+        recording: rr.RecordingStream,
+        layer: str,
+        across: Float[np.ndarray, " points"],
+        values: Values,
+        colour: Colour,
+        radius: float,
+        order: float,
+    ) -> None:
+        places = np.stack([across, np.clip(values, self.canvas.low[1], self.canvas.high[1])], axis=1)
+        seen = np.isfinite(values)
+        drawn = rr.Points2D(
+            self.canvas.place(places[seen]), colors=colour, radii=rr.Radius.ui_points(radius), draw_order=order
+        )
+        recording.log(f"{ENTITY}/{layer}", drawn)
+
+    def _log_bands(self, recording: rr.RecordingStream) -> None:
+        """Draw the borders between bands, and below each what it holds."""
+        canvas, bands = self.canvas, np.arange(int(self._end))
+        lines = [canvas.place(np.array([(x, canvas.low[1]), (x, canvas.high[1])])) for x in bands[1:]]
+        style = rr.LineStrips2D(lines, colors=SCREEN.frame, radii=rr.Radius.ui_points(0.7), draw_order=0.2)
+        recording.log(f"{ENTITY}/levels/lines", style, static=True)
+        words = [f"{level.samples} samples" for level in self.levels] + ["optima"] * bool(self.optima)
+        middles = canvas.place(np.stack([bands[: len(words)] + 0.5, np.full(len(words), canvas.low[1])], axis=1))
+        below = middles + np.array([0.0, 0.7 * TEXT.line])
+        title = "level by level, its starts in the order of the search"
+        words.append(title)
+        below = np.append(below, [[canvas.width / 2, canvas.height + 1.75 * TEXT.line]], axis=0)
+        recording.log(f"{ENTITY}/levels/names", labels(words, below), static=True)

@@ -1,0 +1,88 @@
+"""What is said of a plan beside its pictures, in Markdown."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from paretoik.review.drawing.plan_panel import PlanPanel
+from paretoik.review.drawing.point_text import run_text
+from paretoik.review.drawing.screen_text import screen_text
+from paretoik.review.recording.planned import PlanEnd, PlannedLevel, PlannedOptimum, PlannedScene
+
+LISTED = 12  # optima in a list
+
+
+def level_text(panel: PlanPanel, level: PlannedLevel) -> str:
+    """Return what is to be known of a level."""
+    scene, motions = panel.scene, level.motions
+    failed = int((~np.isfinite(level.ends)).sum())
+    lines = [
+        f"# Level {level.number}: {level.samples} samples",
+        f"{_count(len(level.starts), 'start')}, {_count(len(level.optima), 'distinct optimum', 'distinct optima')}"
+        + (f"; {failed} of the starts led to none." if failed else "."),
+    ]
+    if beyond := panel.beyond(level):
+        lines.append(f"{_count(beyond, 'start')} too far off for the picture: drawn at its edge.")
+    lines += ["", "## Optima of the level", ""]
+    for place, value in enumerate(level.optima[:LISTED]):
+        hits = int((motions.optimum == place).sum())
+        lines.append(f"- {place}: {_value(scene, value)}, from {_count(hits, 'start')}")
+    lines += _further(len(level.optima))
+    return screen_text("\n".join(lines))
+
+
+def start_text(scene: PlannedScene, level: PlannedLevel, row: int) -> str:
+    """Return what is to be known of the start of a level at a row."""
+    optimum = int(level.motions.optimum[row])
+    lines = [
+        f"# Start {row + 1} of {len(level.starts)}, {level.samples} samples",
+        f"- begins with {_value(scene, level.starts[row])}",
+    ]
+    if np.isfinite(level.ends[row]):
+        lines.append(f"- leads to {_value(scene, level.ends[row])}")
+    if optimum >= 0:
+        lines.append(f"- that is optimum {optimum} of the level's {len(level.optima)}")
+    elif np.isfinite(level.ends[row]):
+        lines.append("- an optimum that was not kept: there are too many, or perturbed ones lie near")
+    else:
+        lines.append("- leads to no optimum: the arm shows where its solver stopped")
+    return screen_text("\n".join(lines))
+
+
+def optimum_text(scene: PlannedScene, optima: Sequence[PlannedOptimum], place: int) -> str:
+    """Return what is to be known of a final optimum."""
+    optimum, best = optima[place], optima[0]
+    value, least = float(optimum.point.objectives[0]), float(best.point.objectives[0])
+    lines = [
+        f"# Optimum {place} of {len(optima)}" + (", the best" if place == 0 else ""),
+        f"- **{scene.name}**{', more is better' if scene.maximised else ''}: {_value(scene, value)}"
+        + (f", {abs(value - least) / max(abs(least), 1e-300):.2%} worse than the best" if place else ""),
+        f"- branch {optimum.branch}" if optimum.branch else "",
+        f"- {optimum.status} (local)",
+        f"- violation {optimum.violation_between:.2g} of a limit's range on a finer grid",
+    ]
+    return screen_text("\n".join(line for line in lines if line))
+
+
+def plan_end_text(scene: PlannedScene, end: PlanEnd) -> str:
+    """Return what is to be known of a plan."""
+    lines = [optimum_text(scene, end.optima, 0), "", "## Optima", ""]
+    lines += [
+        f"- {place}: {_value(scene, each.point.objectives[0])}" + (f", {each.branch}" if each.branch else "")
+        for place, each in enumerate(end.optima[:LISTED])
+    ]
+    return screen_text("\n".join([*lines, *_further(len(end.optima)), "", run_text(end.provenance)]))
+
+
+def _further(count: int) -> list[str]:
+    return [f"- and {count - LISTED} more"] if count > LISTED else []
+
+
+def _value(scene: PlannedScene, value: float) -> str:
+    return f"{value:.5g} {scene.unit}".rstrip()
+
+
+def _count(number: int, one: str, many: str = "") -> str:
+    return f"{number} {one if number == 1 else many or one + 's'}"

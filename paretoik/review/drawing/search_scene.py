@@ -1,0 +1,250 @@
+"""How a search is drawn in a recording: a scatter of every pair of objectives, and parallel coordinates of all."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+from jaxtyping import Float
+
+from paretoik.arrays import Ids, Objectives, Values
+from paretoik.formulations.protocol import Timeline
+from paretoik.review.drawing.drawn_axes import Canvas
+from paretoik.review.drawing.front_panels import Pair, Panels
+from paretoik.review.drawing.panel_marks import log_epsilon, log_moves
+from paretoik.review.drawing.parallel_axes import ParallelAxes
+from paretoik.review.drawing.screen_text import entity_names, screen_text
+from paretoik.review.drawing_options import DRAWING
+from paretoik.review.palette import SCREEN, Colour, screen_label
+from paretoik.review.recording.recorded_point import RecordedPoint
+from paretoik.review.recording.recorder import Generation, Population
+
+Layer = Literal["population", "final", "front", "chosen", "choice", "compared"]
+LAYERS: dict[Layer, tuple[Colour, float, float]] = {  # colour, radius, which is drawn above which
+    "population": (SCREEN.population, 2.2, 1.0),
+    "final": (SCREEN.final, 2.6, 0.5),
+    "front": (SCREEN.front, 3.2, 2.0),
+    "chosen": (SCREEN.chosen, 6.5, 4.0),
+    "choice": (SCREEN.chosen, 6.5, 4.0),
+    "compared": (SCREEN.compared, 6.5, 3.5),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class SearchScene:
+    """Names and units of the objectives, and which are maximised: what every generation is drawn with.
+
+    ``timeline`` says what they are: generations, levels of an ε-sweep, a front before and after it was refined, or the
+    steps of a closed loop. These have no hypervolume, and each is drawn as shares of its own front's ranges: from one
+    to the next objectives can change by orders of magnitude.
+    Points are drawn below the entity ``root``.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    maximised: tuple[bool, ...]
+    timeline: Timeline = "generation"
+    root: tuple[str, ...] = ()
+
+    @property
+    def panels(self) -> Panels:
+        """The panels of pairs of objectives."""
+        return Panels(labels=tuple(screen_text(self._axis(axis)) for axis in range(len(self.names))))
+
+    @cached_property
+    def entities(self) -> list[str]:
+        """The objectives' names as parts of entity paths."""
+        return entity_names(self.names)
+
+    def canvases(self, shown: Objectives) -> list[Canvas]:
+        """Return a canvas a pair of objectives whose windows hold `shown`, none where it has no finite point."""
+        if self.timeline == "step" and np.isfinite(shown).all(axis=1).any():
+            shown = np.array([[0.0], [1.0]]) * np.ones(len(self.names))
+        return self.panels.canvases(shown)
+
+    def fits(self, canvases: Sequence[Canvas], shown: Objectives) -> bool:
+        """Say whether `shown` can be drawn on `canvases` as they are."""
+        if self.timeline == "step":
+            return bool(canvases)
+        return bool(canvases) and all(canvas.fits(shown[:, list(pair)]) for pair, canvas in self._panels(canvases))
+
+    def view(self, *, without: Sequence[str] = ()) -> rrb.View:
+        """Return the view of all pairs, its layers of entities that are called ``without`` left out."""
+        left_out = [
+            f"- {'/'.join(map(_escape, [*self._panel(pair), name]))}" for pair in self.panels.pairs for name in without
+        ]
+        name = "front" if self.timeline != "step" else "front of each step"
+        return self.panels.view(rr.new_entity_path([*self.root, "front"]), ["+ $origin/**", *left_out], name)
+
+    def parallel_axes(self, shown: Objectives) -> ParallelAxes | None:
+        """Return axes for parallel coordinates, from three objectives on."""
+        shown = shown[np.isfinite(shown).all(axis=1)]
+        if len(self.names) < DRAWING.parallel or not len(shown):
+            return None
+        if self.timeline == "step":
+            shown = np.array([[0.0], [1.0]]) * np.ones(len(self.names))
+        return ParallelAxes.around(rr.new_entity_path([*self.root, "parallel"]).lstrip("/"), self.panels.labels, shown)
+
+    def log_axes(self, recording: rr.RecordingStream, canvases: Sequence[Canvas], *, static: bool) -> None:
+        """Draw the axes of every panel, for all times (static) or for the current generation."""
+        for pair, canvas in self._panels(canvases):
+            canvas.log(recording, rr.new_entity_path(self._panel(pair)), static=static)
+
+    def log_generation(
+        self,
+        recording: rr.RecordingStream,
+        generation: Generation,
+        canvases: Sequence[Canvas],
+        parallel: ParallelAxes | None = None,
+        *,
+        named: bool = False,
+    ) -> None:
+        """Draw `generation` at the current time, its front with ids if `named`, and keep its numbers exactly."""
+        reference = generation.front if self.timeline == "step" else None
+        self.log_points(recording, "population", generation.population, canvases, reference=reference)
+        self.log_points(
+            recording, "front", generation.front, canvases, ids=generation.front_ids, named=named, reference=reference
+        )
+        self._log_marks(recording, generation, canvases)
+        if generation.chosen is not None:
+            self.log_points(recording, "chosen", generation.chosen[None], canvases, reference=reference)
+        self.log_marked(recording, generation.points, canvases)
+        if parallel is not None:
+            marked = [point.objectives for point in generation.points if point.axis is None]
+            chosen = marked[0] if marked else generation.chosen
+            self.log_lines(recording, parallel, generation.front, chosen, reference=reference)
+
+    def _log_marks(self, recording: rr.RecordingStream, generation: Generation, canvases: Sequence[Canvas]) -> None:
+        """Draw the bounds of a step of a sweep, or where refined points came from."""
+        for pair, canvas in self._panels(canvases):
+            columns = list(pair)
+            if self.timeline == "refinement":
+                origins = None if generation.origins is None else generation.origins[:, columns]
+                log_moves(recording, [*self._panel(pair), "moves"], canvas, origins, generation.front[:, columns])
+            elif self.timeline == "level":
+                epsilon = None if generation.epsilon is None else generation.epsilon[columns]
+                names = screen_text(self.names[pair[0]]), screen_text(self.names[pair[1]])
+                maximised = self.maximised[pair[0]], self.maximised[pair[1]]
+                log_epsilon(recording, [*self._panel(pair), "epsilon"], canvas, epsilon, names, maximised)
+
+    def log_points(
+        self,
+        recording: rr.RecordingStream,
+        layer: Layer,
+        F: Objectives,
+        canvases: Sequence[Canvas],
+        *,
+        ids: Ids | None = None,
+        named: bool = False,
+        reference: Population | None = None,
+        static: bool = False,
+    ) -> None:
+        """Draw points as a layer of every panel, normalised by the ranges of a ``reference`` front if there is one.
+
+        Points outside a window are not drawn, but their numbers are kept with the others.
+        """
+        colour, radius, order = LAYERS[layer]
+        drawn = F if reference is None else _normalise(F, reference)
+        for pair, canvas in self._panels(canvases):
+            pairwise = drawn[:, list(pair)]
+            seen = canvas.shows(pairwise)
+            points = rr.Points2D(
+                canvas.place(pairwise[seen]),
+                colors=colour,
+                radii=rr.Radius.ui_points(radius),
+                labels=[f"point {number}" for number in ids[seen]] if named and ids is not None else None,
+                show_labels=order > 3.0 and pair == self.panels.pairs[0],
+                draw_order=order,
+            )
+            recording.log([*self._panel(pair), layer], points, static=static)
+        if layer != "final":
+            numbers: dict[str, Any] = {"F": F.ravel(), "n_obj": F.shape[1]}
+            numbers |= {} if ids is None else {"ids": ids}
+            recording.log([*self.root, "search", layer], rr.AnyValues(**numbers), static=static)
+
+    def log_marked(
+        self, recording: rr.RecordingStream, points: Sequence[RecordedPoint], canvases: Sequence[Canvas]
+    ) -> None:
+        """Draw the best points of the objectives in their colours, and the chosen one."""
+        ends = [point for point in points if point.axis is not None]
+        for pair, canvas in self._panels(canvases):
+            if not ends:
+                break
+            places = np.array([point.objectives[list(pair)] for point in ends])
+            seen = np.flatnonzero(canvas.shows(places))
+            markers = rr.Points2D(
+                canvas.place(places[seen]),
+                colors=[SCREEN.end(ends[row].axis or 0) for row in seen],
+                radii=rr.Radius.ui_points(5.2),
+                labels=[f"point {ends[row].id}, best {screen_text(self.names[ends[row].axis or 0])}" for row in seen],
+                show_labels=False,
+                draw_order=3.0,
+            )
+            recording.log([*self._panel(pair), "ends"], markers)
+        for point in points:
+            if point.axis is None:
+                ids = np.array([point.id])
+                self.log_points(recording, "chosen", point.objectives[None], canvases, ids=ids, named=True)
+
+    def log_lines(
+        self,
+        recording: rr.RecordingStream,
+        parallel: ParallelAxes,
+        front: Objectives,
+        chosen: Values | None,
+        *,
+        reference: Population | None = None,
+        front_too: bool = True,
+    ) -> None:
+        """Draw a front, and on top its chosen point, in parallel coordinates."""
+        drawn = front if reference is None else _normalise(front, reference)
+        if front_too:
+            recording.log(f"{parallel.entity}/front", parallel.lines(drawn, SCREEN.lines, 0.6, 1.0))
+        if chosen is not None:
+            row = chosen[None] if reference is None else _normalise(chosen[None], reference)
+            recording.log(f"{parallel.entity}/chosen", parallel.lines(row, SCREEN.chosen, 2.2, 4.0))
+
+    def label(self, axis: int) -> str:
+        """Return the label of an objective."""
+        return screen_label(self.names[axis], self.units[axis], self.maximised[axis])
+
+    def best(self, front: Objectives) -> Values:
+        """Return the best value of each objective on a front of at least one point."""
+        best: Values = np.where(self.maximised, front.max(axis=0), front.min(axis=0))
+        return best
+
+    def _panels(self, canvases: Sequence[Canvas]) -> list[tuple[Pair, Canvas]]:
+        """Return each pair with its canvas; before there is a finite point there are none."""
+        return list(zip(self.panels.pairs, canvases, strict=True)) if canvases else []
+
+    def _panel(self, pair: Pair) -> list[str]:
+        return [*self.root, "front", f"{self.entities[pair[0]]} - {self.entities[pair[1]]}"]
+
+    def _axis(self, axis: int) -> str:
+        return f"{self.names[axis]}, share of its range" if self.timeline == "step" else self.label(axis)
+
+
+def _escape(part: str) -> str:
+    return rr.escape_entity_path_part(part)
+
+
+def _normalise(F: Objectives, reference: Population) -> Objectives:
+    low, width = reference.min(axis=0), np.ptp(reference, axis=0)
+    normalised: Objectives = (F - low) / np.where(width > 0, width, 1.0)
+    return normalised
+
+
+def replay_window(fronts: Sequence[Float[np.ndarray, "_ n_obj"]]) -> Objectives:
+    """Return corners (2, n_obj) around the last of `fronts` and, as far as they are near, those before it.
+
+    An early front may lie far off; the window reaches at most one and a half of the final range beyond the final one.
+    """
+    everything, front = np.concatenate(fronts), fronts[-1]
+    low, high = front.min(axis=0), front.max(axis=0)
+    reach: Values = 1.5 * np.where(high > low, high - low, np.maximum(0.1 * np.abs(high), 1e-9))
+    return np.stack([np.maximum(everything.min(axis=0), low - reach), np.minimum(everything.max(axis=0), high + reach)])

@@ -1,0 +1,127 @@
+"""How the search of one control step is drawn: its generations, and the arm of every individual of the last.
+
+It stands on two timelines of its own, ``generation`` and ``individual``; on the others its last generation is there
+from the end of its step on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+from jaxtyping import Float, Int
+
+from paretoik.review.drawing.arm_drawing import ArmDrawing
+from paretoik.review.drawing.drawn_axes import Canvas
+from paretoik.review.drawing.legend import Legend
+from paretoik.review.drawing.search_scene import SearchScene, replay_window
+from paretoik.review.palette import SCREEN
+from paretoik.review.recording.recorder import SearchedStep
+from paretoik.review.recording.workcell import Workcell
+from paretoik.robot.kinematics import link_nodes
+
+ENTRIES = (
+    ("population", SCREEN.population),
+    ("front of the generation", SCREEN.front),
+    ("chosen by the weights, and its arm", SCREEN.chosen),
+    ("arms of the front", SCREEN.ghost),
+    ("where the tool is to be", SCREEN.path),
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StepScene:
+    """The search of one step of a closed loop, whose objectives ``loop`` names, in a ``workcell``."""
+
+    loop: SearchScene
+    step: SearchedStep
+    workcell: Workcell | None = None
+
+    def view(self) -> rrb.Container:
+        """Return the views: the fronts, and beside them the arm, below a legend."""
+        arm = self._drawing.view(f"arms of the front, step {self.step.sample}")
+        views = rrb.Horizontal(self._scene.view(), arm) if self._canvases else arm
+        shares = [self._legend.height, 800.0]
+        return rrb.Vertical(self._legend.view(), views, row_shares=shares, name=f"search of step {self.step.sample}")
+
+    def log(self, recording: rr.RecordingStream, end: Mapping[str, float]) -> None:
+        """Log the search; its last generation also stands at the ``end`` of the step on other timelines, by name."""
+        self._legend.log(recording)
+        self._scene.log_axes(recording, self._canvases, static=True)
+        self._drawing.log_workcell(recording)
+        last = len(self.step.objectives) - 1
+        for number in range(last + 1):
+            recording.reset_time()
+            recording.set_time("generation", sequence=number)
+            self._log_generation(recording, number)
+        for place in (0, self.step.sample):  # from the loop's beginning on, so that the tab is never empty
+            recording.reset_time()
+            recording.set_time("step", sequence=place)
+            for timeline, seconds in end.items():
+                recording.set_time(timeline, duration=seconds if place else 0.0)
+            self._log_generation(recording, last)
+        alive = np.flatnonzero(np.isfinite(self.step.objectives[last]).all(axis=1))
+        order = alive[np.argsort(self.step.objectives[last, alive, 0], kind="stable")]
+        for place, individual in enumerate(order):
+            recording.reset_time()
+            recording.set_time("individual", sequence=place)
+            if place == 0:
+                self._log_generation(recording, last)
+            self._log_individual(recording, last, int(individual))
+        recording.reset_time()
+
+    def _log_generation(self, recording: rr.RecordingStream, number: int) -> None:
+        """Draw a generation at the current time: its population and front, and the arms of the front."""
+        objectives, front = self.step.objectives[number], self.step.fronts[number]
+        alive = np.isfinite(objectives).all(axis=1)
+        scene, canvases, drawing = self._scene, self._canvases, self._drawing
+        scene.log_points(recording, "population", objectives[alive], canvases)
+        scene.log_points(recording, "front", objectives[front], canvases, ids=front, named=True)
+        named = {"labels": [f"point {individual}" for individual in front], "show_labels": False}
+        ghosts = drawing.strips(list(self._links(number, front)), SCREEN.ghost, 1.0, 0.0, **named)
+        recording.log(f"{drawing.entity}/front", ghosts)
+        recording.log(f"{drawing.entity}/place", drawing.points(self.step.target[None], SCREEN.path, 5.0, 1.0))
+        if len(front):
+            self._log_individual(recording, number, int(self.step.chosen[number]))
+
+    def _log_individual(self, recording: rr.RecordingStream, number: int, individual: int) -> None:
+        """Draw one individual of a generation: its objectives and its arm."""
+        row = np.array([individual])
+        objectives = self.step.objectives[number, row]
+        self._scene.log_points(recording, "chosen", objectives, self._canvases, ids=row, named=True)
+        links = self._links(number, row)[0]
+        self._drawing.log_arm(recording, "chosen", links, colour=SCREEN.arm, solid=True)
+
+    def _links(self, number: int, rows: Int[np.ndarray, " rows"]) -> Float[np.ndarray, "rows nodes 3"]:
+        return np.asarray(link_nodes(self.step.arm, self.step.q[number, rows]))
+
+    @property
+    def _root(self) -> str:
+        return f"step_{self.step.sample}"
+
+    @property
+    def _legend(self) -> Legend:
+        obstacles = [("obstacle", SCREEN.obstacle)] if self.workcell is not None and self.workcell.obstacles else []
+        return Legend(entity=f"{self._root}/legend", entries=[*ENTRIES, *obstacles])
+
+    @cached_property
+    def _scene(self) -> SearchScene:
+        return replace(self.loop, timeline="generation", root=(self._root,))
+
+    @cached_property
+    def _canvases(self) -> list[Canvas]:
+        pairs = zip(self.step.objectives, self.step.fronts, strict=True)
+        fronts = [values[front] for values, front in pairs]
+        late = np.concatenate(fronts[len(fronts) // 2 :])  # early ones can lie orders of magnitude off
+        return self._scene.canvases(np.concatenate([replay_window(fronts), late]))
+
+    @cached_property
+    def _drawing(self) -> ArmDrawing:
+        cell = Workcell(arm=self.step.arm) if self.workcell is None else self.workcell
+        shown = [self._links(number, front) for number, front in enumerate(self.step.fronts)]
+        nodes = np.concatenate([*(links.reshape(-1, 3) for links in shown), self.step.target[None]])
+        return ArmDrawing(entity=f"{self._root}/arm", workcell=cell, nodes=nodes)

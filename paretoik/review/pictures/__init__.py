@@ -1,0 +1,1 @@
+"""Pictures of results as PNG, drawn with Matplotlib and without a screen."""

@@ -1,0 +1,205 @@
+"""The file of a recording: what is kept of a run that may be long, when it is written, and how it ends.
+
+While the run goes on each message is drawn as it comes. At its end all that is kept is drawn anew, on common axes, into
+a second file that then replaces the first. Where the file grows too large meanwhile, every second message of a series
+is dropped and the rest written anew as it came.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import re
+import time
+from collections.abc import Callable, Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import Any, Protocol, runtime_checkable
+
+import rerun as rr
+
+from paretoik.review.recording.live_view import LiveView
+from paretoik.review.recording.recording_process import Opening, RecorderOptions, part_of
+
+
+@runtime_checkable
+class Drawing(Protocol):
+    """Draws a scene into a stream; every file has its own."""
+
+    def __init__(self, scene: Any, stream: rr.RecordingStream, options: RecorderOptions) -> None: ...
+
+    def reduce(self, message: Any) -> Any:
+        """Return what is to be kept of a message, which may be large."""
+
+    def record(self, message: Any) -> None:
+        """Draw a message while the run goes on."""
+
+    def finish(self, messages: Sequence[Any], end: Any, note: str) -> None:
+        """Draw all messages that are kept on common axes, the end (None where the run has none), and a note if any."""
+
+
+@runtime_checkable
+class Parent(Protocol):
+    """Whoever waits for the recording."""
+
+    def tell(self, **answer: Any) -> None:
+        """Tell a notice."""
+
+    def beat(self) -> None:
+        """Say that work goes on."""
+
+
+class Stream(rr.RecordingStream):
+    """A stream that lets it be known whenever something is logged."""
+
+    def __init__(self, application: str, beat: Callable[[], None]) -> None:
+        # Many small chunks make large files: what is logged is flushed by hand, or when there is much of it.
+        super().__init__(application, batcher_config=rr.ChunkBatcherConfig(flush_tick=3600.0))
+        self._beat = beat
+
+    def log(self, *arguments: Any, **settings: Any) -> None:
+        """Log as any stream does."""
+        self._beat()
+        super().log(*arguments, **settings)
+
+    def send_columns(self, *arguments: Any, **settings: Any) -> None:
+        """Send columns as any stream does."""
+        self._beat()
+        super().send_columns(*arguments, **settings)
+
+
+class RecordingFile:
+    """The file of a recording in the making; errors of Rerun and of the disk are raised.
+
+    Of a series every ``stride``-th message is kept, the first and the last among them.
+    """
+
+    def __init__(self, opening: Opening, parent: Parent) -> None:
+        rr.set_strict_mode(True)  # a row that cannot be drawn is an error, not a line in a log that nobody reads
+        self.stride = 1
+        self._opening, self._options, self._parent = opening, opening.options, parent
+        self._file = Path(opening.file)
+        self._messages: list[Any] = []
+        self._last: Any = None  # message of the series
+        self._first = 0
+        self._live = LiveView(parent.tell) if opening.live else None
+        self._stream, self._drawing = self._open(self._file)
+        self._identity = self._file.stat().st_ino
+        self._flushed, self._size = time.monotonic(), 0
+        self._pending, self._growth = 0, float(self._options.reserve)  # messages not written, bytes a message at most
+
+    def record(self, message: Any, stride: int = 1) -> None:
+        """Draw a message and keep it; of the series the sender keeps every ``stride``-th."""
+        self.stride = max(self.stride, stride)
+        message = self._drawing.reduce(message)
+        number = _number(message)
+        if number is not None:
+            self._first = number if self._last is None else self._first
+            self._last = message
+        self._messages.append(message)
+        self._pending += 1
+        self._drawing.record(message)
+
+    def look_after(self) -> None:
+        """Write what is not yet written, and thin what has become too much, if it is time."""
+        much = 4 * self._pending * self._growth > self._options.reserve
+        if not much and time.monotonic() - self._flushed < self._options.flush:
+            return
+        self._flush()
+        if self._size > self._options.size and self._thin():
+            self._replace(self._draw_again)
+            self._flush()
+        if self._live is not None:
+            self._live.look_after()
+
+    def complete(self, end: Any, stride: int = 1) -> None:
+        """Draw everything anew with its ``end``, and close the file; ``stride`` as for ``record``."""
+        self.stride = max(self.stride, stride)
+        self._keep(self.stride)
+        self._replace(lambda drawing: drawing.finish(self._messages, end, self._note()))
+        self.close()
+
+    def close(self) -> None:
+        """Close the file as it is."""
+        self._stream.disconnect()
+        if self._live is not None:
+            live, self._live = self._live, None
+            live.close()
+
+    def _open(self, file: Path) -> tuple[rr.RecordingStream, Drawing]:
+        """Begin a file, and what draws into it."""
+        # The viewer keeps one layout an application, and each run needs its own.
+        application = f"{self._opening.title} in {self._file.resolve().parent.name}"
+        name = re.sub(r"[^A-Za-z0-9_-]+", "-", application).strip("-")
+        stream = Stream(name, self._parent.beat)
+        stream.set_sinks(rr.FileSink(file), *(() if self._live is None else (self._live.sink(),)))
+        stream.send_recording_name(self._opening.title)
+        module, _, drawing = self._opening.scene.drawn_by.partition(":")
+        return stream, getattr(import_module(module), drawing)(self._opening.scene, stream, self._options)
+
+    def _draw_again(self, drawing: Drawing) -> None:
+        for message in self._messages:
+            drawing.record(message)
+
+    def _replace(self, draw: Callable[[Drawing], None]) -> None:
+        """Let ``draw`` make a new file that then replaces the present one, which is whole until then."""
+        self._stream.disconnect()
+        self._check_space(self._file.stat().st_size)
+        part = part_of(self._file)
+        self._stream, self._drawing = self._open(part)
+        try:
+            draw(self._drawing)
+            self._check_space(0)
+            self._stream.flush()
+            if self._file.stat().st_ino != self._identity:
+                raise FileExistsError(errno.EEXIST, "another run writes it")
+            self._identity = part.stat().st_ino
+            part.replace(self._file)
+        finally:
+            part.unlink(missing_ok=True)
+
+    def _flush(self) -> None:
+        """Write what is not yet written, and learn how much a message takes."""
+        self._check_space(0)
+        self._stream.flush()
+        size = self._file.stat().st_size
+        if self._pending:
+            self._growth = max((size - self._size) / self._pending, 0.0)
+        self._flushed, self._size, self._pending = time.monotonic(), size, 0
+
+    def _thin(self) -> bool:
+        """Drop at least every second message of the series, except the last; say whether there was anything to drop."""
+        while len({_number(message) for message in self._messages} - {None}) > 2:
+            self.stride *= 2
+            if self._keep(self.stride):
+                return True
+        return False
+
+    def _keep(self, stride: int) -> bool:
+        """Drop all of the series except every ``stride``-th message and the last; say whether anything was dropped."""
+        count = len(self._messages)
+        self._messages = [
+            message
+            for message in self._messages
+            if (number := _number(message)) is None or message is self._last or (number - self._first) % stride == 0
+        ]
+        return len(self._messages) < count
+
+    def _note(self) -> str:
+        """Return in words what was thinned."""
+        if self.stride == 1:
+            return ""
+        kind = getattr(self._opening.scene, "timeline", "message")
+        return f"The run was long: one in {self.stride} of its {kind}s is kept here, the last one too."
+
+    def _check_space(self, needed: int) -> None:
+        """Raise OSError where so many bytes would fill the disk: Rerun may hang on a full one."""
+        disk = os.statvfs(self._file.parent)
+        if disk.f_bavail * disk.f_frsize < needed + self._options.reserve:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def _number(message: Any) -> int | None:
+    """Return the number of a message in its series, None where it belongs to none."""
+    number: int | None = getattr(message, "number", None)
+    return number

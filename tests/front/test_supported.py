@@ -1,0 +1,59 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+
+from paretoik.front.front import Front
+from paretoik.front.supported import _unmatched_by_mixtures
+from tests.front.random_fronts import random_front
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_points_that_some_weights_choose_are_reached_and_no_weights_reach_the_others(seed):
+    front = random_front(seed, points=40)
+    reached, Z = front.supported, front.shares
+    size = Z.shape[1]
+    weights = np.random.default_rng(seed).dirichlet(np.full(size, 0.5), 2000)
+    sums = Z @ weights.T
+    assert reached[(sums <= sums.min(axis=0) + 1e-12).any(axis=1)].all()
+    for row in np.flatnonzero(~reached):  # the least that other points, mixed, are better by in every objective
+        mixture = linprog(
+            c=np.append(np.zeros(len(Z)), -1.0),
+            A_ub=np.column_stack([Z.T, np.ones(size)]),
+            b_ub=Z[row],
+            A_eq=np.append(np.ones(len(Z)), 0.0)[None],
+            b_eq=[1.0],
+            bounds=[(0, None)] * len(Z) + [(None, None)],
+        )
+        assert -mixture.fun > 0.9e-6
+
+
+def test_a_straight_and_a_bulging_front_are_reached_and_a_hollow_one_at_its_ends():
+    angles = np.linspace(0.0, np.pi / 2, 9)
+    for values, expected in (
+        (np.stack([angles, angles[::-1]], axis=1), range(9)),
+        (1 - np.stack([np.sin(angles), np.cos(angles)], axis=1), range(9)),
+        (np.stack([np.sin(angles), np.cos(angles)], axis=1), (0, 8)),
+    ):
+        front = Front(ids=np.arange(9), objectives=values, names=["a", "b"], units=["", ""], maximised=[False] * 2)
+        assert np.flatnonzero(front.supported).tolist() == sorted(expected)
+
+
+@pytest.mark.parametrize("seed", range(100))
+def test_of_two_objectives_the_hull_says_what_mixtures_of_points_do(seed):
+    front = random_front(seed, n_obj=2, points=1 + seed)
+    assert np.array_equal(front.supported, _unmatched_by_mixtures(front.shares))
+
+
+def test_the_hull_is_computed_once_a_front():
+    angles = np.linspace(0.0, np.pi / 2, 5000)
+    front = Front(
+        ids=np.arange(len(angles)),
+        objectives=1 - np.stack([np.sin(angles), np.cos(angles)], axis=1),
+        names=["a", "b"],
+        units=["", ""],
+        maximised=[False] * 2,
+    )
+    assert front.supported.all()
+    assert front.supported is front.supported

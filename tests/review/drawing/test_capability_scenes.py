@@ -1,0 +1,125 @@
+"""Resolved motions and directional maxima: everything that a picture needs stands in their recordings."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import paretoik as pk
+from paretoik.capability import JointActuation, MotorCurve
+from tests.api.problems import PATH
+from tests.review.reading import blank_views, last_text, missing_entities, read, rows, static_words, views
+
+SECOND = 1_000_000_000  # durations are nanoseconds
+START = [0.0, 0.327, -0.754]
+MOVING = ["/legend/words", "/text", "/arm/axes/labels", "/arm/base", "/arm/target", "/arm/chosen/links"]
+MOVING += ["/arm/chosen/path", "/arm/chosen/ghosts", "/charts/error/grid", "/charts/error/curves"]
+MOVING += [
+    f"/joint_charts/{kind}/{part}" for kind in ("position", "velocity", "torque") for part in ("curves", "cursor")
+]
+
+
+def test_a_resolved_motion_has_everything_of_the_checklist_at_every_instant(tmp_path):
+    criteria = [pk.methods.Criterion(objective=pk.manipulability, gain=0.5)]
+    motion = pk.resolve(
+        pk.arms.tringali_3r(),
+        pk.line((0.4678, 0.0), (0.0983, 0.1526), duration=1.0, samples=101),
+        pk.methods.GradientProjection(criteria=criteria),
+        start=START,
+        limits=pk.Limits(position=2.0, velocity=6.0),
+        obstacles=[pk.obstacles.Circle([0.1, 0.35], 0.05)],
+        link_radius=0.01,
+        unreachable="track",
+        out=tmp_path,
+    )
+    file = tmp_path / "review.rrd"
+    entities = read(file)
+    instants = {"motion": (0, SECOND // 2, SECOND)}
+    assert not blank_views(file, instants)
+    own = ["/arm/obstacles", "/arm/chosen/body", "/charts/criteria/curves", "/charts/clearance/curves"]
+    assert not missing_entities(file, [*MOVING, *own, "/charts/error/limits"], instants)
+    assert any(f"/joint_charts/velocity/{part}" in entities for part in ("limits", "limits_beyond"))
+    for kind, name in (("position", "q"), ("velocity", "dq"), ("torque", "torque")):
+        series = rows(entities[f"/joints/{kind}"], "motion", "scalars")
+        np.testing.assert_array_equal(np.stack([series[at] for at in sorted(series)]), getattr(motion, name))
+    words = last_text(entities["/text"], "motion", 0)
+    assert words.startswith("# GradientProjection")
+    assert f"largest error {np.abs(motion.traces.errors).max():.3g} m" in words
+    assert "manipulability" in words
+    assert set(static_words(entities["/charts/error/labels"])) >= {"time [s]", "log10 of the task error [m]"}
+
+
+def test_motions_of_several_numbers_of_a_method_move_together_and_one_by_one(tmp_path):
+    method = pk.methods.DampedLeastSquares(damping=np.array([0.01, 0.05, 0.2]))
+    motion = pk.resolve(pk.arms.tringali_3r(), PATH, method, start=START, unreachable="track", out=tmp_path)
+    file = tmp_path / "review.rrd"
+    entities = read(file)
+    instants = {"motion": (0, SECOND), "solution": (0, 1, 2)}
+    assert not blank_views(file, instants)
+    assert not missing_entities(file, MOVING, instants)
+    assert not missing_entities(file, ["/arm/motion\\ 1/links", "/arm/motion\\ 2/links"], {"motion": (0,)})
+    texts = rows(entities["/text"], "solution", "text")
+    assert [str(texts[number][0]).splitlines()[0] for number in range(3)] == [
+        f"# DampedLeastSquares, motion {number} of 3" for number in range(3)
+    ]
+    marks = rows(entities["/charts/error/marks"], "solution", "positions")
+    assert [len(marks[number]) for number in range(3)] == (motion.traces.status != "done").sum(axis=-1).tolist()
+    assert {"● motion 0", "● motion 2"} <= set(static_words(entities["/legend/words"]))
+
+
+def test_of_many_motions_some_are_shown_and_a_note_says_so(tmp_path):
+    starts = np.array(START) + np.linspace(0.0, 1e-7, 70)[:, None]
+    pk.resolve(pk.arms.tringali_3r(), PATH, pk.methods.PseudoInverse(), start=starts, unreachable="track", out=tmp_path)
+    entities = read(tmp_path / "review.rrd")
+    assert len(rows(entities["/text"], "solution", "text")) == 60
+    assert "Of 70 motions 60 are shown." in str(entities["/notes/left_out"][0].to_pydict())
+
+
+def test_a_path_that_is_lost_is_recorded_as_far_as_the_arm_came(tmp_path):
+    away = pk.line([0.4678, 0.0], [0.6, 0.1], duration=1.0, samples=51)
+    with pytest.raises(pk.Infeasible) as lost:
+        pk.resolve(pk.arms.tringali_3r(), away, pk.methods.PseudoInverse(), start=START, out=tmp_path)
+    entities = read(tmp_path / "review.rrd")
+    series = rows(entities["/joints/position"], "motion", "scalars")
+    np.testing.assert_array_equal(np.stack([series[at] for at in sorted(series)]), lost.value.motion.q)
+    assert "Why it ended" in last_text(entities["/text"], "motion", 0)
+
+
+MAXIMA = ["/legend/words", "/text", "/maxima/axes/grid", "/maxima/axes/labels", "/maxima/corners", "/maxima/final"]
+MAXIMA += ["/maxima/chosen/tip", "/arm/axes/labels", "/arm/base", "/arm/places", "/arm/direction/line"]
+MAXIMA += ["/arm/chosen/links", "/charts/maximum/curves", "/charts/maximum/cursor"]
+
+
+@pytest.mark.parametrize("quantity", ["velocity", "force"])
+def test_directional_maxima_grow_direction_by_direction(tmp_path, quantity):
+    arm, sliders = pk.arms.kim_3r(), pk.capability.kim_sliders()
+    polygon = pk.directional_maxima(arm, sliders, (0.1, -0.15), 5, quantity=quantity, out=tmp_path)
+    file = tmp_path / "review.rrd"
+    entities = read(file)
+    instants = {"direction": (1, 3, 5)}
+    assert not blank_views(file, instants)
+    own = [f"/charts/{name}/curves" for name in ("position", "torque", "sliders", "motor_speeds", "motor_efforts")]
+    assert not missing_entities(file, [*MAXIMA, *own, "/maxima/outline"], instants)
+    corners = rows(entities["/maxima/corners"], "direction", "positions")
+    assert [len(corners[number]) for number in range(1, 6)] == [1, 2, 3, 4, 5]
+    limited = "velocity" if quantity == "velocity" else "torque"
+    assert f"/charts/{limited}/limits" in entities
+    unit = "m/s" if quantity == "velocity" else "N"
+    words = str(rows(entities["/text"], "direction", "text")[3][0])
+    assert f"{polygon.values[2]:.4g} {unit}" in words
+    assert any(word.endswith(f"[{unit}]") for word in static_words(entities["/maxima/axes/labels"]))
+
+
+def test_maxima_in_space_are_rays_on_axes_of_speed(tmp_path):
+    arm = pk.Arm.from_dh(
+        a=[0, 0, 0.4, 0.4], alpha=[0, np.pi / 2, 0, 0], d=[0.3, 0, 0, 0], theta=[0] * 4, convention="modified"
+    ).with_tool(pk.Pose([0.3, 0, 0]), mass=1.0)
+    motors = JointActuation(motors=MotorCurve(stall=[200.0] * 4, fastest=[2.0] * 4))
+    pk.directional_maxima(arm, motors, (0.5, 0.2, 0.5), 3, starts=200, out=tmp_path)
+    file = tmp_path / "review.rrd"
+    instants = {"direction": (1, 3)}
+    assert not blank_views(file, instants)
+    assert not missing_entities(file, [path for path in MAXIMA if path != "/maxima/axes/grid"], instants)
+    words = static_words(read(file)["/maxima/axes/labels"])
+    assert [f"{axis} [m/s]" for axis in "xyz"] == words[-3:]
+    assert "/maxima" in views(file).values()

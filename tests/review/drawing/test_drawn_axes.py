@@ -1,0 +1,64 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from paretoik.review.drawing.curve_charts import _spread_labels
+from paretoik.review.drawing.drawn_axes import Canvas, equal_window, nice_ticks, window
+
+
+@given(st.floats(-1e6, 1e6), st.floats(1e-6, 1e6), st.integers(2, 8))
+def test_ticks_are_even_round_and_inside(low, span, count):
+    high = low + span
+    ticks = nice_ticks(low, high, count=count)
+    slack = 1e-8 * span + 1e-12 * abs(low)
+    assert ((ticks >= low - slack) & (ticks <= high + slack)).all()
+    assert len(ticks) <= count + 2
+    if len(ticks) > 1:
+        step = ticks[1] - ticks[0]
+        leading = step / 10 ** np.floor(np.log10(step * 1.0000001))
+        assert np.isclose(leading, [1, 2, 5, 10], rtol=1e-3).any()
+        assert np.allclose(np.diff(ticks), step, rtol=1e-3)
+
+
+@given(st.lists(st.tuples(st.floats(-1e9, 1e9), st.floats(-1e9, 1e9)), min_size=1, max_size=8))
+def test_a_window_shows_all_its_points(points):
+    points = np.array(points)
+    low, high = window(points)
+    canvas = Canvas(low=low, high=high, labels=("x", "y"))
+    assert canvas.shows(points).all()
+    placed = canvas.place(points)
+    assert ((placed >= 0) & (placed <= [canvas.width, canvas.height])).all()
+
+
+def test_points_that_are_no_numbers_are_never_shown():
+    canvas = Canvas(low=np.zeros(2), high=np.ones(2), labels=("x", "y"))
+    points = np.array([[0.5, 0.5], [np.nan, 0.5], [np.inf, 0.5], [2.0, 0.5]])
+    assert canvas.shows(points).tolist() == [True, False, False, False]
+
+
+def test_the_second_axis_points_up():
+    canvas = Canvas(low=np.zeros(2), high=np.ones(2), labels=("x", "y"), width=140.0, height=100.0)
+    assert canvas.place(np.array([0.0, 0.0])).tolist() == [0.0, 100.0]
+    assert canvas.place(np.array([1.0, 1.0])).tolist() == [140.0, 0.0]
+
+
+def test_an_equal_window_keeps_shapes():
+    low, high = equal_window(np.array([[0.0, 0.0], [1.0, 7.0]]), width=140.0, height=100.0)
+    assert (high - low)[0] / (high - low)[1] == pytest.approx(1.4)
+
+
+def test_a_canvas_is_kept_while_points_fill_half_of_it():
+    canvas = Canvas(low=np.zeros(2), high=np.ones(2), labels=("x", "y"))
+    assert canvas.fits(np.array([[0.1, 0.1], [0.9, 0.9]]))
+    assert not canvas.fits(np.array([[0.1, 0.1], [0.4, 0.9]]))
+    assert not canvas.fits(np.array([[0.1, 0.1], [1.1, 0.9]]))
+
+
+@given(st.lists(st.floats(0, 30), min_size=1, max_size=9))
+def test_names_are_pushed_apart_and_keep_their_order(places):
+    moved = np.array(_spread_labels(places, gap=2.0))
+    order = np.argsort(places, kind="stable")
+    assert (np.diff(moved[order]) >= 2.0 - 1e-9).all()

@@ -1,0 +1,178 @@
+"""Plans, ε-fronts and refinements: everything that a picture needs stands in their recordings, at every instant."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import paretoik as pk
+from tests.review.reading import blank_views, last_text, missing_entities, read, rows, static_words
+
+SECOND = 1_000_000_000  # durations are nanoseconds
+
+
+def arm() -> pk.Arm:
+    return pk.Arm.planar(lengths=[0.3, 0.3, 0.25], masses=[1, 1, 0.8], centers=[0.15] * 3, inertias=[0.01] * 3)
+
+
+def problem(*objectives, samples: int = 51) -> pk.Tracking:
+    return pk.Tracking(
+        arm(),
+        pk.line([0.6, -0.1], [0.4, 0.4], duration=1.0, samples=samples),
+        objectives=list(objectives),
+        limits=pk.Limits(position=2.5, velocity=4.0),
+        obstacles=[pk.obstacles.Circle([0.75, 0.45], 0.05)],
+        link_radius=0.01,
+    )
+
+
+ARM = [f"/arm/{part}" for part in ("axes/grid", "axes/labels", "base", "target", "obstacles", "chosen/links")]
+ARM += [f"/arm/chosen/{part}" for part in ("path", "ghosts", "body", "joints")]
+CHARTS = [
+    f"/joint_charts/{kind}/{part}" for kind in ("position", "velocity", "torque") for part in ("curves", "cursor")
+]
+LIMITS = [f"/joint_charts/{kind}" for kind in ("position", "velocity")]
+
+
+@pytest.fixture(scope="module")
+def plan(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("plan")
+    tried = list[int]()
+
+    def note(progress) -> None:
+        if progress.stage == "sample":
+            tried.append(int(progress.summary.split()[0]))
+
+    found = pk.plan(problem(pk.kinetic_energy), starts=6, out=folder, observe=note)
+    return found, tried, folder / "review.rrd"
+
+
+PLAN_INSTANTS = {
+    "level": (0, 1, 2),
+    "start": (1, 4, 6),
+    "optimum": (0,),
+    "motion": (0, SECOND // 2, SECOND),
+    "replay": (0, SECOND, 3 * SECOND),
+}
+
+
+def test_no_view_of_a_plan_is_blank_at_any_instant(plan):
+    assert not blank_views(plan[2], PLAN_INSTANTS)
+
+
+def test_everything_of_the_checklist_is_there_at_every_instant_of_a_plan(plan):
+    panel = [f"/objective/{part}" for part in ("grid", "labels", "levels/names", "starts", "ends", "best", "final")]
+    charts = [f"/charts/{chart}/{part}" for chart in ("best", "distinct") for part in ("curves", "cursor")]
+    wanted = ["/legend/words", "/text", *ARM, *CHARTS, *panel, *charts]
+    assert not missing_entities(plan[2], wanted, PLAN_INSTANTS)
+    assert not missing_entities(plan[2], ["/arm/start/links", "/objective/cursor"], {"start": PLAN_INSTANTS["start"]})
+    entities = read(plan[2])
+    for chart in LIMITS:
+        assert f"{chart}/limits" in entities or f"{chart}/limits_beyond" in entities
+    assert static_words(entities["/objective/labels"])[-1] == "kinetic_energy [J s]"
+    assert {"● start", "● best", "● obstacle", "● limits: dashed"} <= set(static_words(entities["/legend/words"]))
+
+
+def test_a_plan_ends_on_its_optima_and_its_best_moves(plan):
+    found, _, file = plan
+    entities = read(file)
+    optima = rows(entities["/search/optima"], "level", "objective")
+    np.testing.assert_array_equal(optima[max(optima)], [each.objective for each in found.optima])
+    time = found.best.motion.time
+    for kind, name in (("position", "q"), ("velocity", "dq")):
+        series = rows(entities[f"/joints/{kind}"], "motion", "scalars")
+        assert sorted(series) == np.round(time * SECOND).astype(int).tolist()
+        np.testing.assert_array_equal(np.stack([series[at] for at in sorted(series)]), getattr(found.best.motion, name))
+    assert f"# Optimum 0 of {len(found.optima)}, the best" in last_text(entities["/text"], "level", 9)
+
+
+def test_every_start_of_a_plan_leads_to_what_is_drawn_of_it(plan):
+    _, tried, file = plan
+    entities = read(file)
+    starts, ends = (rows(entities["/search/level"], "level", name) for name in ("starts", "ends"))
+    optima = rows(entities["/search/level"], "level", "optima")
+    assert [len(starts[level]) for level in sorted(starts)] == tried
+    for level in starts:
+        reached = ends[level][np.isfinite(ends[level])]
+        assert len(reached)
+        # What a start leads to is one of the level's distinct optima, or one that perturbation replaced.
+        assert (reached >= optima[level].min() * (1 - 1e-6)).all()
+        assert (ends[level] <= starts[level] * (1 + 1e-9))[np.isfinite(ends[level])].mean() > 0.5
+    drawn = rows(entities["/objective/ends"], "start", "positions")
+    counts = [len(drawn[number]) for number in sorted(drawn)]
+    assert counts == sorted(counts)
+    assert counts[-1] == sum(np.isfinite(each).sum() for each in ends.values())
+    assert "leads to" in last_text(entities["/text"], "start", 1)
+
+
+def test_a_plan_that_finds_nothing_leaves_a_recording_that_opens(tmp_path):
+    walled = pk.Tracking(
+        arm(),
+        pk.line([0.6, -0.1], [0.4, 0.4], duration=1.0, samples=31),
+        objectives=[pk.kinetic_energy],
+        limits=pk.Limits(velocity=1e-3),
+    )
+    with pytest.raises(pk.Infeasible):
+        pk.plan(walled, starts=2, out=tmp_path)
+    assert "/text" in read(tmp_path / "review.rrd")
+
+
+@pytest.fixture(scope="module")
+def fronts(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("fronts")
+    both = problem(pk.kinetic_energy, pk.torque_norm, samples=21)
+    front = pk.epsilon_front(both, points=4, starts=4, out=folder / "front", observe=False)
+    rough = pk.solve(both, population=16, generations=6, seed=1, out=folder / "rough", observe=False)
+    refined = pk.refine(rough, out=folder / "refined", observe=False)
+    return folder, front, rough, refined
+
+
+PANEL = "/front/kinetic_energy\\ -\\ torque_norm"
+WANTED = [
+    "/legend/words",
+    "/text",
+    *ARM,
+    *CHARTS,
+    *(f"{PANEL}/{part}" for part in ("grid", "labels", "front", "final")),
+]
+WANTED += [f"/arm/best\\ {name}/links" for name in ("kinetic_energy", "torque_norm")]
+
+
+def test_an_epsilon_front_has_everything_of_the_checklist_at_every_level(fronts):
+    folder, front, _, _ = fronts
+    file = folder / "front" / "review.rrd"
+    entities = read(file)
+    levels = sorted(rows(entities["/search/front"], "level", "F"))
+    assert len(levels) >= 3
+    instants = {
+        "level": (levels[0], levels[len(levels) // 2], levels[-1]),
+        "motion": (0, SECOND // 2, SECOND),
+        "replay": (0, SECOND, 9 * SECOND),
+        "point": (0, len(front) - 1),
+    }
+    assert not blank_views(file, instants)
+    assert not missing_entities(file, WANTED, instants)
+    assert not missing_entities(file, [f"{PANEL}/epsilon"], {"level": (levels[-1],)})
+    F = rows(entities["/search/front"], "level", "F")
+    np.testing.assert_array_equal(F[levels[-1]].reshape(-1, 2), front.objectives)
+    bounds = rows(entities[f"{PANEL}/epsilon"], "level", "labels")
+    assert any(str(each[0]).startswith("ε: ") for each in bounds.values() if len(each))
+    assert "● ε: bound of this level" in static_words(entities["/legend/words"])
+
+
+def test_a_refinement_shows_before_and_after_and_where_points_came_from(fronts):
+    folder, _, rough, refined = fronts
+    file = folder / "refined" / "review.rrd"
+    entities = read(file)
+    instants = {"refinement": (0, 1), "motion": (0, SECOND // 2, SECOND), "replay": (0, SECOND), "point": (0, 1)}
+    assert not blank_views(file, instants)
+    assert not missing_entities(file, [*WANTED, f"{PANEL}/population"], instants)
+    F = rows(entities["/search/front"], "refinement", "F")
+    np.testing.assert_array_equal(F[0].reshape(-1, 2), rough.objectives)
+    np.testing.assert_array_equal(F[1].reshape(-1, 2), refined.objectives)
+    arrows = rows(entities[f"{PANEL}/moves"], "refinement", "vectors")
+    assert len(arrows[0]) == 0
+    assert 0 < len(arrows[1]) <= len(refined)
+    words = rows(entities["/text"], "refinement", "text")
+    assert str(words[0][0]).startswith("# Before")
+    assert "Certificate" in str(words[1][0])

@@ -1,0 +1,195 @@
+"""Everything that a picture needs stands in a recording at every instant, and no view of its layout is blank."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import paretoik as pk
+from paretoik.review.drawing.choice_layer import write_choice_layer
+from paretoik.review.drawing.recorded_views import read_recorded
+from paretoik.review.recording.recorded_point import record_motion
+from problems.kim_2021 import directions_dam, point_to_point_dam
+from problems.marcos_2012 import loop
+from tests.review.reading import FRAME, blank_views, missing_entities, read, rows, shown, views
+
+SECOND = 1_000_000_000  # durations are nanoseconds
+
+
+def planar() -> pk.Tracking:
+    arm = pk.Arm.planar(lengths=[0.3, 0.3, 0.25], masses=[1, 1, 0.8], centers=[0.15] * 3, inertias=[0.01] * 3)
+    varying = (3 + np.cos(2 * np.pi * np.linspace(0, 1, 11)))[:, None] * np.ones(3)
+    return pk.Tracking(
+        arm,
+        pk.line([0.6, -0.1], [0.4, 0.4], duration=1.0, samples=11),
+        objectives=[pk.kinetic_energy, pk.torque_norm],
+        limits=pk.Limits(position=2.5, velocity=varying, torque=9.0, power=20.0, acceleration=90.0),
+        obstacles=[
+            pk.obstacles.Circle([0.75, 0.45], 0.05),
+            pk.obstacles.Box(pk.Pose.planar(0.1, 0.6, 0.6), [0.12, 0.05]),
+            pk.obstacles.Sphere([0.2, -0.5, 0.03], 0.1),
+            pk.obstacles.Capsule([0.5, -0.6, -0.1], [0.8, -0.5, 0.1], 0.05),
+        ],
+        link_radius=0.01,
+    )
+
+
+def spatial() -> pk.Tracking:
+    arm = pk.Arm.from_dh(
+        a=[0, 0, 0.4, 0.4], alpha=[0, np.pi / 2, 0, 0], d=[0.3, 0, 0, 0], theta=[0] * 4, convention="modified"
+    ).with_tool(pk.Pose([0.3, 0, 0]), mass=1.0)
+    return pk.Tracking(
+        arm,
+        pk.line([0.6, -0.1, 0.4], [0.6, 0.2, 0.5], duration=1.0, samples=11),
+        objectives=[pk.kinetic_energy, pk.joint_travel, pk.torque_norm],
+        obstacles=[
+            pk.obstacles.Sphere([0.0, 0.9, 0.3], 0.1),
+            pk.obstacles.Box(pk.Pose.from_rpy((-0.5, 0.0, 0.2), (0.3, 0.2, 0.4)), [0.1, 0.2, 0.05]),
+            pk.obstacles.Capsule([-0.3, 0.8, 0.2], [-0.5, 0.9, 0.6], 0.04),
+            pk.obstacles.Circle([-0.5, -0.6], 0.05),
+        ],
+        link_radius=0.02,
+    )
+
+
+RUNS = {"planar": planar, "spatial": spatial, "directions": directions_dam, "point to point": point_to_point_dam}
+INSTANTS = {
+    "generation": (1, 2, 4),
+    "motion": (0, SECOND // 2, SECOND),
+    "replay": (0, SECOND, 9 * SECOND),
+    "point": (0, 1),
+}
+
+
+@pytest.fixture(scope="module", params=RUNS)
+def run(request, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("run")
+    front = pk.solve(RUNS[request.param](), population=16, generations=4, seed=1, out=folder / "run", observe=False)
+    return request.param, front, folder / "run" / "review.rrd"
+
+
+def test_no_view_is_blank_at_any_instant(run):
+    assert not blank_views(run[2], INSTANTS)
+
+
+def test_everything_of_the_checklist_is_there_at_every_instant(run):
+    name, front, file = run
+    entities = read(file)
+    wanted = ["/legend/words", "/text", "/arm/axes/grid", "/arm/axes/labels", "/arm/base", "/arm/chosen/links"]
+    wanted += [f"/arm/best\\ {objective}/links" for objective in front.names]
+    if name in ("planar", "spatial"):
+        wanted += ["/arm/target", "/arm/chosen/path", "/arm/chosen/ghosts", "/arm/chosen/body", "/arm/obstacles"]
+        wanted += [f"/joint_charts/{kind}/curves" for kind in ("position", "velocity", "torque")]
+    if name == "planar":
+        wanted += [f"/joint_charts/{kind}/limits" for kind in ("position", "velocity", "torque")]
+        for kind in ("power", "acceleration"):  # far off what the motions need, these stand there in words
+            assert f"/joint_charts/{kind}/limits_beyond" in entities
+    wanted += ["/arm/directions"] * (name == "directions") + ["/arm/places"] * (
+        name in ("directions", "point to point")
+    )
+    panels = {path.rsplit("/", 1)[0] for path in entities if path.startswith("/front/")}
+    assert len(panels) == {2: 1, 3: 3}[len(front.names)]
+    for panel in panels:
+        wanted += [f"{panel}/{layer}" for layer in ("grid", "labels", "front", "final", "chosen", "ends")]
+    if len(front.names) > 2:
+        wanted += ["/parallel/axes/labels", "/parallel/front", "/parallel/chosen"]
+    fronts = rows(entities["/search/front"], "generation", "F")
+    first = min(number for number, F in fronts.items() if F.size)
+    late = {
+        timeline: times[-1:] if first > 1 and timeline in ("generation", "replay") else times  # nothing was feasible
+        for timeline, times in INSTANTS.items()
+    }
+    assert not missing_entities(file, wanted, late)
+
+
+def test_the_words_are_those_of_what_is_shown(run):
+    _, front, file = run
+    words = read(file)["/text"]
+    by_generation = rows(words, "generation", "text")
+    assert str(by_generation[1][0]).startswith("# Generation 1\n")
+    last = str(by_generation[max(by_generation)][0])
+    assert "compromise" in last
+    for name, unit in zip(front.names, front.units, strict=True):
+        assert name in last
+        assert unit in last
+    assert "population: 16" in last
+    along = rows(words, "point", "text")
+    assert len(along) >= min(len(front), 3)
+    assert all(str(text[0]).startswith("# Point ") for text in along.values())
+
+
+def test_each_axis_has_ticks_and_a_unit(run):
+    name, _, file = run
+    entities = read(file)
+    planar = name != "spatial"
+    (labels,) = [column for column in entities["/arm/axes/labels"][0].schema.names if column.endswith(":labels")]
+    words = entities["/arm/axes/labels"][0].column(labels).to_pylist()[0]
+    assert {"x [m]", "y [m]"} <= set(words)
+    assert ("z [m]" in words) is not planar
+    assert sum(word.lstrip("-").replace(".", "").isdigit() for word in words) >= 4
+
+
+def test_a_choice_stands_beside_another_in_a_layer_of_the_same_recording(run, tmp_path):
+    _, front, file = run
+    first, last = front[int(front.ids[0])], front[int(front.ids[-1])]
+    write_choice_layer(front, first, tmp_path / "choice.rrd", recording=file, compare=last)
+    entities = read(tmp_path / "choice.rrd")
+    for root, choice in (("choice", first), ("compared", last)):
+        motion = record_motion(choice.motion, curves=False)
+        strips = rows(entities[f"/{root}/arm/chosen/links"], "motion", "strips")
+        assert len(strips) == len(motion.time)
+        assert str(rows_of_text(entities[f"/{root}/text"])).startswith(f"# Point {choice.id}, ")
+    everything = entities | {path: batches for path, batches in read(file).items() if path not in entities}
+    for view, origin in views(tmp_path / "choice.rrd").items():
+        for timeline in ("motion", "generation"):
+            assert shown(everything, origin, timeline, 5), (view, origin, timeline)
+
+
+@pytest.fixture(scope="module", params=["level", "refinement"])
+def certified_run(request, tmp_path_factory):
+    """A sweep, whose recording has the timeline "level", and a refinement."""
+    folder, problem = tmp_path_factory.mktemp("certified"), planar()
+    if request.param == "level":
+        front = pk.epsilon_front(problem, points=3, starts=4, seed=0, out=folder / "run", observe=False)
+    else:
+        draft = pk.solve(problem, population=16, generations=2, seed=1, refine=False, observe=False)
+        front = pk.refine(draft[draft.ids[:3]], out=folder / "run", observe=False)
+    return request.param, front, folder / "run" / "review.rrd"
+
+
+def test_a_layer_stands_on_every_timeline_of_a_recording_whatever_verb_it_is_of(certified_run, tmp_path):
+    timeline, front, file = certified_run
+    recorded = read_recorded(file)
+    assert recorded.timeline == timeline
+    assert recorded.timelines == {
+        timeline: "sequence", "point": "sequence", "motion": "duration", "replay": "duration",
+    }  # fmt: skip
+    write_choice_layer(front, front[int(front.ids[0])], tmp_path / "choice.rrd", recording=file)
+    entities = read(tmp_path / "choice.rrd")
+    everything = entities | {path: batches for path, batches in read(file).items() if path not in entities}
+    for name in recorded.timelines:
+        assert shown(entities, "/choice/arm/chosen/links", name, 1), name
+        for view, origin in views(tmp_path / "choice.rrd").items():
+            drawn = [path for path in shown(everything, origin, name, 1) if not path.endswith(FRAME)]
+            assert drawn, (view, origin, name)
+
+
+def rows_of_text(batches: list) -> str:
+    (column,) = [name for name in batches[0].schema.names if name.endswith(":text")]
+    return batches[0].column(column).to_pylist()[0][0]
+
+
+def test_a_closed_loop_opens_on_the_step_whose_search_was_recorded(tmp_path):
+    problem = loop(3, 0.7, blocked=True, steps=30, population=20, generations=12)
+    pk.solve(problem, out=tmp_path / "run", record_steps=[7], observe=False)
+    file = tmp_path / "run" / "review.rrd"
+    entities = read(file)
+    for timeline, times in {"step": (0, 7, 30), "generation": (0, 5), "individual": (0, 3)}.items():
+        for view, origin in views(file).items():
+            for time in times:
+                if timeline == "step" and time == 0 and not origin.startswith(("/arm", "/step_7", "/joint", "/legend")):
+                    continue  # the first step is step 1
+                drawn = [path for path in shown(entities, origin, timeline, time) if not path.endswith(FRAME)]
+                assert drawn, (view, origin, timeline, time)
+    assert "/arm/obstacles/outlines" in entities
+    assert "/step_7/arm/obstacles/outlines" in entities

@@ -1,0 +1,91 @@
+"""What is kept of fronts with more points than a picture can show."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from paretoik.front.indicators import estimate_hypervolume, hypervolume
+from paretoik.review.recording import front_reduction
+from paretoik.review.recording.front_reduction import FrontReduction, reduction_note, spread_rows
+from paretoik.review.recording.recorder import Generation
+
+
+def generation(front: np.ndarray, **settings) -> Generation:
+    return Generation(number=1, population=front, front=front, front_ids=np.arange(len(front)) + 7, **settings)
+
+
+def sphere(points: int, n_obj: int, seed: int = 0) -> np.ndarray:
+    directions = np.abs(np.random.default_rng(seed).normal(size=(points, n_obj)))
+    return 2.0 - directions / np.linalg.norm(directions, axis=1, keepdims=True)
+
+
+@given(points=st.integers(2, 60), n_obj=st.integers(1, 5), count=st.integers(1, 60), seed=st.integers(0, 99))
+def test_so_many_rows_in_their_order_and_the_best_of_every_objective_among_them(points, n_obj, count, seed):
+    F = sphere(points, n_obj, seed)
+    rows = spread_rows(F, min(count, points))
+    assert len(rows) == min(count, points)
+    assert (np.diff(rows) > 0).all()
+    if count >= n_obj:
+        assert set(F.argmin(axis=0)) <= set(rows)
+
+
+@given(seed=st.integers(0, 99))
+def test_rows_are_spread_no_worse_than_at_random(seed):
+    F = sphere(300, 3, seed)
+
+    def farthest(rows: np.ndarray) -> float:  # of all points from what is kept
+        return float(np.linalg.norm(F[:, None] - F[rows], axis=-1).min(axis=1).max())
+
+    at_random = np.random.default_rng(seed).choice(300, 30, replace=False)
+    assert farthest(spread_rows(F, 30)) <= farthest(at_random)
+
+
+def test_small_fronts_are_kept_whole_and_nothing_is_said_of_them():
+    reduction, whole = FrontReduction(maximised=(False, True), points=5), generation(sphere(5, 2))
+    kept = reduction.reduce(whole)
+    np.testing.assert_array_equal(kept.front, whole.front)
+    assert (kept.size, reduction_note([kept])) == (5, "")
+
+
+def test_of_large_fronts_the_ends_in_the_users_own_sign_stay_and_their_size_is_known():
+    front = sphere(200, 3) * [1.0, -1.0, 1.0]
+    reduction = FrontReduction(maximised=(False, True, False), points=20)
+    kept = reduction.reduce(generation(front))
+    assert (kept.front.shape, kept.size) == ((20, 3), 200)
+    np.testing.assert_array_equal(kept.front, front[kept.front_ids - 7])
+    best = [front[:, 0].min(), front[:, 1].max(), front[:, 2].min()]
+    assert best == [kept.front[:, 0].min(), kept.front[:, 1].max(), kept.front[:, 2].min()]
+    assert "20 points" in reduction_note([kept])
+
+
+def test_the_hypervolume_is_that_of_the_whole_front():
+    front, reference = sphere(200, 3) * [1.0, -1.0, 1.0], np.array([2.5, -2.5, 2.5])
+    kept = FrontReduction(maximised=(False, True, False), points=20).reduce(generation(front, reference=reference))
+    assert kept.hypervolume == pytest.approx(hypervolume(front * [1, -1, 1], reference * [1, -1, 1]), rel=1e-12)
+
+
+def test_a_hypervolume_that_is_there_is_not_computed_and_without_a_reference_there_is_none():
+    reduction = FrontReduction(maximised=(False, False), points=20)
+    assert reduction.reduce(generation(sphere(9, 2), hypervolume=0.125, reference=np.ones(2))).hypervolume == 0.125
+    assert reduction.reduce(generation(sphere(9, 2))).hypervolume is None
+
+
+def test_hypervolumes_that_take_more_than_their_share_of_the_time_are_left_out(monkeypatch):
+    monkeypatch.setattr(front_reduction, "OPTIONS", replace(front_reduction.OPTIONS, share=1e-9))
+    reduction = FrontReduction(maximised=(False,) * 4, points=20)
+    large = generation(sphere(4000, 4), reference=np.full(4, 3.0))
+    assert [reduction.reduce(large).hypervolume is None for _ in range(4)] == [False, False, True, True]
+
+
+def test_of_seven_objectives_the_hypervolume_is_an_estimate_as_an_exact_one_takes_a_minute(monkeypatch):
+    import moocore
+
+    monkeypatch.delattr(moocore, "hypervolume")
+    front = sphere(1000, 7)
+    kept = FrontReduction(maximised=(False,) * 7, points=20).reduce(generation(front, reference=np.full(7, 2.2)))
+    assert kept.hypervolume == pytest.approx(estimate_hypervolume(front, np.full(7, 2.2), np.full(7, 1.2)), rel=0.02)

@@ -1,0 +1,195 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rerun as rr
+
+from paretoik.front.preferences import Weights
+from paretoik.review.drawing.search_scene import SearchScene
+from paretoik.review.recording.recorder import SearchedFront, SearchEnd
+from paretoik.review.recording.recording_file import RecordingFile
+from paretoik.review.recording.recording_process import Opening, RecorderOptions
+from paretoik.review.recording.workcell import Workcell
+from tests.review.reading import read, rows
+
+
+@pytest.fixture(autouse=True)
+def strict():
+    rr.set_strict_mode(True)
+    yield
+    rr.set_strict_mode(False)
+
+
+class NoOne:
+    """A parent that nobody has to tell anything."""
+
+    def tell(self, **answer) -> None: ...
+
+    def beat(self) -> None: ...
+
+
+def recording_file(file: Path, front) -> RecordingFile:
+    cell = None if front.motions is None else Workcell(arm=front.motions.arm)
+    scene = SearchedFront(names=front.names, units=front.units, maximised=front.maximised, workcell=cell)
+    opening = Opening(file=str(file), title="a: test", scene=scene, live=False, options=RecorderOptions())
+    return RecordingFile(opening, NoOne())
+
+
+def recorded(file: Path, front, generations, *, finished: bool = True, weights=None):
+    """Record in this process what otherwise a child records."""
+    started = recording_file(file, front)
+    for generation in generations:
+        started.record(generation)
+    choice = front.select(weights or Weights({front.names[0]: 1.0})) if len(front) else None
+    if finished:
+        started.complete(SearchEnd(front=front, choice=choice))
+    else:
+        started.close()
+    return choice
+
+
+def timelines(batches: list) -> set[str]:
+    return {name for batch in batches for name in ("generation", "motion") if name in batch.schema.names}
+
+
+@pytest.mark.parametrize("finished", [False, True])
+@pytest.mark.parametrize("n_obj", [1, 2, 3, 5])
+def test_every_generation_is_kept_exactly(n_obj, finished, tmp_path, make_front, make_generations):
+    generations = make_generations(n_obj)
+    front = make_front(n_obj)
+    recorded(tmp_path / "review.rrd", front, generations, finished=finished)
+    entities = read(tmp_path / "review.rrd")
+    for layer, exact in (("population", lambda g: g.population), ("front", lambda g: g.front)):
+        F = rows(entities[f"/search/{layer}"], "generation", "F")
+        assert sorted(F) == [0, 1, 2, 3]
+        for generation in generations[:3]:
+            np.testing.assert_array_equal(F[generation.number], exact(generation).ravel())
+    volumes = rows(entities["/search/hypervolume"], "generation", "scalars")
+    assert [float(volumes[number][0]) for number in range(4)] == [0.5, 1.5, 2.5, 3.5]
+    counts = rows(entities["/search/counts"], "generation", "scalars")
+    assert counts[0].tolist() == [len(generations[0].front), 1.0]
+
+
+def test_the_best_value_of_each_objective_is_followed(tmp_path, make_front, make_generations):
+    generations = make_generations(3)
+    recorded(tmp_path / "review.rrd", make_front(3), generations)
+    entities = read(tmp_path / "review.rrd")
+    lowest_energy = rows(entities["/search/best/kinetic_energy"], "generation", "scalars")
+    highest_manipulability = rows(entities["/search/best/manipulability"], "generation", "scalars")
+    assert lowest_energy[2][0] == generations[2].front[:, 0].min()
+    assert highest_manipulability[2][0] == generations[2].front[:, 2].max()
+
+
+def test_the_end_stands_on_both_timelines(tmp_path, make_front, make_generations):
+    front = make_front(2)
+    choice = recorded(tmp_path / "review.rrd", front, make_generations(2))
+    entities = read(tmp_path / "review.rrd")
+    for timeline, time in (("generation", 3), ("motion", 0)):
+        last = rows(entities["/search/front"], timeline, "F")[time]
+        np.testing.assert_array_equal(last, front.objectives.ravel())
+        np.testing.assert_array_equal(rows(entities["/search/front"], timeline, "ids")[time], front.ids)
+        np.testing.assert_array_equal(rows(entities["/search/chosen"], timeline, "F")[time], choice.objectives)
+    both = {"generation", "motion"}
+    drawn = [path for path in entities if path.startswith(("/front/", "/arm/", "/joint_charts/", "/charts/"))]
+    assert all(timelines(entities[path]) in (both, set()) for path in drawn)
+
+
+@pytest.mark.parametrize("planar", [True, False])
+def test_the_chosen_motion_is_replayed_sample_by_sample(planar, tmp_path, make_front, make_generations):
+    front = make_front(2, planar=planar)
+    choice = recorded(tmp_path / "review.rrd", front, make_generations(2))
+    entities = read(tmp_path / "review.rrd")
+    nanoseconds = np.round(choice.motion.time * 1e9).astype(int).tolist()
+    for name, values in (
+        ("position", choice.motion.q),
+        ("velocity", choice.motion.dq),
+        ("torque", choice.motion.torque),
+    ):
+        series = rows(entities[f"/joints/{name}"], "motion", "scalars")
+        assert sorted(series) == nanoseconds
+        np.testing.assert_array_equal(np.stack([series[time] for time in nanoseconds]), values)
+    strips = rows(entities["/arm/chosen/links"], "motion", "strips")
+    assert sorted(strips) == nanoseconds
+    last = strips[nanoseconds[-1]][0]
+    assert last.shape == (5, 2 if planar else 3)
+    if not planar:
+        np.testing.assert_allclose(last, choice.motion.links[-1], rtol=1e-6)
+
+
+@pytest.mark.parametrize("planar", [True, False])
+def test_an_arm_that_stands_still_has_the_postures_of_the_front_behind_it(planar, tmp_path, make_front):
+    moving = make_front(2, planar=planar, points=5)
+    postures = np.repeat(moving.motions.q[:, -1:], moving.motions.q.shape[1], axis=1)
+    standing = replace(moving, motions=replace(moving.motions, q=postures))
+    for name, front in (("moving", moving), ("standing", standing)):
+        (tmp_path / name).mkdir()
+        choice = recorded(tmp_path / name / "review.rrd", front, [])
+        ghosts_of = "/arm/chosen/ghosts" if name == "moving" else "/arm/postures"
+        batch = read(tmp_path / name / "review.rrd")[ghosts_of][0]
+        (column,) = [each for each in batch.schema.names if each.endswith(":strips")]
+        ghosts = np.array(batch.column(column).to_pylist()[0])
+        behind = choice.motion.links[[0, 1, 2, 4, 5, 6, 8, 9, 10]] if name == "moving" else front.motions.links[:, 0]
+        assert ghosts.shape[:2] == behind.shape[:2]
+        if not planar:
+            np.testing.assert_allclose(ghosts, behind, rtol=1e-6, atol=1e-7)
+
+
+def test_points_are_drawn_in_their_places_on_the_axes(tmp_path, make_front, make_generations):
+    front = make_front(2)
+    recorded(tmp_path / "review.rrd", front, make_generations(2))
+    entities = read(tmp_path / "review.rrd")
+    (panel,) = [path for path in entities if path.endswith("/front") and path.startswith("/front/")]
+    drawn = rows(entities[panel], "motion", "positions")[0]
+    assert len(drawn) == len(front)
+    # More energy lies further right, more torque further up, which is a smaller second coordinate.
+    assert (np.diff(drawn[:, 0]) > 0).all()
+    assert np.corrcoef(drawn[:, 1], front.objectives[:, 1])[0, 1] < -0.999999
+
+
+def test_points_are_named_by_their_ids_and_the_chosen_one_openly(tmp_path, make_front, make_generations):
+    front = make_front(3)
+    choice = recorded(tmp_path / "review.rrd", front, make_generations(3))
+    entities = read(tmp_path / "review.rrd")
+    chosen = [path for path in entities if path.startswith("/front/") and path.endswith("/chosen")]
+    fronts = [path for path in entities if path.startswith("/front/") and path.endswith("/front")]
+    assert len(chosen) == len(fronts) == 3
+    for path in chosen:
+        assert rows(entities[path], "motion", "labels")[0].tolist() == [f"point {choice.id}"]
+    openly = [rows(entities[path], "motion", "show_labels")[0].tolist() for path in chosen]
+    assert sorted(openly) == [[False], [False], [True]]  # three labels would hide what lies below
+    for path in fronts:
+        assert rows(entities[path], "motion", "labels")[0].tolist() == [f"point {number}" for number in front.ids]
+        assert rows(entities[path], "motion", "show_labels")[0].tolist() == [False]
+
+
+def test_a_front_found_by_nobody_is_recorded_as_such(tmp_path, make_front, make_generations):
+    front = make_front(2, points=0)
+    generations = make_generations(2, points=0)
+    recorded(tmp_path / "review.rrd", front, generations)
+    F = rows(read(tmp_path / "review.rrd")["/search/population"], "generation", "F")
+    assert sorted(F) == [0, 1, 2, 3]
+
+
+def test_a_constant_objective_gets_axes_all_the_same(tmp_path, make_front):
+    front = make_front(2, points=1)
+    recorded(tmp_path / "review.rrd", front, [])
+    assert "/search/front" in read(tmp_path / "review.rrd")
+
+
+def test_a_failed_ending_keeps_the_recording_of_the_run(tmp_path, monkeypatch, make_front, make_generations):
+    front = make_front(2)
+    started = recording_file(tmp_path / "review.rrd", front)
+    for generation in make_generations(2):
+        started.record(generation)
+
+    def fail(*_):
+        raise OSError("No space left on device")
+
+    monkeypatch.setattr(SearchScene, "log_generation", fail)
+    with pytest.raises(OSError, match="No space left on device"):
+        started.complete(SearchEnd(front=front))
+    assert [file.name for file in tmp_path.iterdir()] == ["review.rrd"]
+    assert sorted(rows(read(tmp_path / "review.rrd")["/search/front"], "generation", "F")) == [0, 1, 2, 3]

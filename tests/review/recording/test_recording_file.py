@@ -1,0 +1,186 @@
+"""The file of a long run stays small, and says what it left out."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rerun as rr
+
+from paretoik.front.front import Front
+from paretoik.review.recording import live_view
+from paretoik.review.recording.recorder import Generation, SearchedFront, SearchEnd
+from paretoik.review.recording.recording_file import RecordingFile
+from paretoik.review.recording.recording_process import Opening, RecorderOptions
+from tests.review.reading import read, rows
+
+N_OBJ = 4
+NAMES = tuple(f"f{axis}" for axis in range(N_OBJ))
+
+
+@pytest.fixture(autouse=True)
+def strict():
+    yield
+    rr.set_strict_mode(False)
+
+
+class Listener:
+    """A parent that remembers what it is told."""
+
+    def __init__(self) -> None:
+        self.beats = 0
+
+    def tell(self, **answer) -> None: ...
+
+    def beat(self) -> None:
+        self.beats += 1
+
+
+def sphere(points: int, seed: int) -> np.ndarray:
+    directions = np.abs(np.random.default_rng(seed).normal(size=(points, N_OBJ)))
+    return 2.0 - directions / np.linalg.norm(directions, axis=1, keepdims=True)
+
+
+def generation(number: int, points: int = 60) -> Generation:
+    F = sphere(points, number)
+    ids = np.arange(points, dtype=np.int64)
+    return Generation(number=number, population=F[:40], front=F, front_ids=ids, reference=np.full(N_OBJ, 3.0))
+
+
+def front(points: int = 70) -> Front:
+    F = sphere(points, 1000)
+    return Front(ids=np.arange(points), objectives=F, names=NAMES, units=[""] * N_OBJ, maximised=[False] * N_OBJ)
+
+
+def started(file: Path, listener: Listener | None = None, *, live: bool = False, **options) -> RecordingFile:
+    scene = SearchedFront(names=NAMES, units=("",) * N_OBJ, maximised=(False,) * N_OBJ)
+    settings = RecorderOptions(flush=0.01, **options)
+    opening = Opening(file=str(file), title="long", scene=scene, live=live, options=settings)
+    return RecordingFile(opening, listener or Listener())
+
+
+def fronts(file: Path) -> dict[int, np.ndarray]:
+    return rows(read(file)["/search/front"], "generation", "F")
+
+
+@pytest.mark.parametrize("count", [70, 130])
+def test_a_file_stays_below_its_size_with_evenly_spread_generations_the_first_and_the_last(count, tmp_path):
+    file, size = tmp_path / "review.rrd", 1_200_000
+    recording, largest = started(file, size=size), 0
+    for number in range(1, count + 1):
+        recording.record(generation(number))
+        recording.look_after()
+        largest = max(largest, file.stat().st_size)
+    recording.complete(SearchEnd(front=front()))
+    stride = recording.stride
+    assert stride > 1
+    assert largest < 1.1 * size
+    assert file.stat().st_size < 1.1 * size
+    F = fronts(file)
+    assert sorted(F) == sorted({*range(1, count + 1, stride), count})
+    for number in sorted(F)[:-1]:
+        np.testing.assert_array_equal(F[number], generation(number).front.ravel())
+    np.testing.assert_array_equal(F[count], front().objectives.ravel())
+    (note,) = read(file)["/notes/left_out"]
+    assert f"one in {stride} of its generations" in str(note.to_pydict())
+
+
+@pytest.mark.parametrize("spacing", [2, 8])
+def test_a_file_stays_below_its_size_where_not_every_number_comes(spacing, tmp_path):
+    file, size = tmp_path / "review.rrd", 600_000
+    recording, largest = started(file, size=size), 0
+    numbers = range(1, 1 + 40 * spacing, spacing)
+    for number in numbers:
+        recording.record(generation(number), 8 if spacing == 8 else 1)
+        recording.look_after()
+        largest = max(largest, file.stat().st_size)
+    recording.complete(SearchEnd(front=front()))
+    assert largest < 1.1 * size
+    kept = [number for number in numbers if (number - 1) % recording.stride == 0]
+    assert sorted(fronts(file)) == sorted({*kept, numbers[-1]})
+    (note,) = read(file)["/notes/left_out"]
+    assert f"one in {recording.stride} of its generations" in str(note.to_pydict())
+
+
+def test_what_the_sender_left_out_later_is_left_out_of_what_came_before_too_and_the_file_says_so(tmp_path):
+    file = tmp_path / "review.rrd"
+    recording = started(file)
+    for number in range(1, 7):
+        recording.record(generation(number))
+    recording.record(generation(9), 4)
+    recording.record(generation(13), 4)
+    recording.complete(SearchEnd(front=front()), 4)
+    assert sorted(fronts(file)) == [1, 5, 9, 13]
+    (note,) = read(file)["/notes/left_out"]
+    assert "one in 4 of its generations" in str(note.to_pydict())
+
+
+def test_a_series_that_says_the_same_number_again_and_again_ends(tmp_path):
+    recording = started(tmp_path / "review.rrd", size=1_000)
+    for _ in range(4):
+        recording.record(generation(1))
+        recording.look_after()
+    recording.complete(SearchEnd(front=front()))
+    assert sorted(fronts(tmp_path / "review.rrd")) == [1]
+
+
+def test_a_short_run_is_kept_whole_and_nothing_is_said(tmp_path):
+    file = tmp_path / "review.rrd"
+    recording = started(file)
+    for number in range(5):
+        recording.record(generation(number))
+        recording.look_after()
+    recording.complete(SearchEnd(front=front()))
+    assert sorted(fronts(file)) == [0, 1, 2, 3, 4]
+    assert "/notes/left_out" not in read(file)
+
+
+def test_fronts_on_the_way_are_drawn_in_part_and_the_last_one_whole(tmp_path):
+    file = tmp_path / "review.rrd"
+    recording = started(file, points=25)
+    for number in range(3):
+        recording.record(generation(number))
+    recording.complete(SearchEnd(front=front()))
+    F = fronts(file)
+    assert [F[number].size // N_OBJ for number in range(3)] == [25, 25, 70]
+    np.testing.assert_array_equal(F[2], front().objectives.ravel())
+    counts = rows(read(file)["/search/counts"], "generation", "scalars")
+    assert [counts[number][0] for number in range(2)] == [60.0, 60.0]
+    (note,) = read(file)["/notes/left_out"]
+    assert "25 points" in str(note.to_pydict())
+
+
+def test_the_parent_hears_of_the_work_while_a_file_is_completed(tmp_path):
+    listener = Listener()
+    recording = started(tmp_path / "review.rrd", listener)
+    for number in range(5):
+        recording.record(generation(number))
+    before = listener.beats
+    recording.complete(SearchEnd(front=front()))
+    assert listener.beats > before + 5
+
+
+def test_a_file_that_another_run_has_replaced_is_left_alone(tmp_path):
+    file = tmp_path / "review.rrd"
+    recording = started(file)
+    recording.record(generation(1))
+    file.unlink()
+    file.write_text("another run's")
+    with pytest.raises(FileExistsError, match="another run"):
+        recording.complete(SearchEnd(front=front()))
+    assert file.read_text() == "another run's"
+    assert [left.name for left in tmp_path.iterdir()] == ["review.rrd"]
+
+
+def test_viewers_get_their_time_to_read_the_end_once(tmp_path, monkeypatch):
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"):
+        monkeypatch.delenv(name, raising=False)
+    pauses, sleep = [], time.sleep
+    monkeypatch.setattr(time, "sleep", lambda seconds: (pauses.append(seconds), sleep(seconds)))
+    recording = started(tmp_path / "review.rrd", live=True)
+    recording.record(generation(1))
+    recording.complete(SearchEnd(front=front()))
+    recording.close()
+    assert pauses.count(live_view.OPTIONS.reading) == 1

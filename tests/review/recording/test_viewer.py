@@ -1,0 +1,81 @@
+"""Rerun's programs are started without telemetry: they write nothing into the user's home and look nothing up."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import rerun as rr
+
+from paretoik.review.recording.viewer import private_environment, run_viewer
+
+HOMES = {"XDG_CONFIG_HOME": ".config", "XDG_DATA_HOME": ".local/share", "XDG_CACHE_HOME": ".cache"}
+
+
+@pytest.fixture
+def home(tmp_path, monkeypatch) -> Path:
+    """An empty home of a user who has no screen, and whose environment asks for telemetry."""
+    folder = tmp_path / "home"
+    folder.mkdir()
+    for name in (*HOMES, "CI", "DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("HOME", str(folder))
+    monkeypatch.setenv("FORCE_RERUN_ANALYTICS", "1")
+    return folder
+
+
+@pytest.fixture
+def recording(tmp_path) -> Path:
+    file = tmp_path / "small.rrd"
+    stream = rr.RecordingStream("small")
+    stream.save(file)
+    stream.log("point", rr.Points2D([[0.0, 0.0]]))
+    stream.disconnect()
+    return file
+
+
+def verify(file: Path, environment: dict[str, str] | None, *before: str) -> None:
+    command = [*before, sys.executable, "-m", "rerun", "rrd", "verify", str(file)]
+    subprocess.run(command, env=environment, check=True, capture_output=True)
+
+
+def test_left_to_itself_the_program_writes_into_the_users_home(home, recording, monkeypatch):
+    monkeypatch.delenv("FORCE_RERUN_ANALYTICS")
+    verify(recording, None)
+    assert list(home.rglob("analytics.json"))
+
+
+def test_nothing_is_written_into_the_users_home(home, recording):
+    with private_environment() as environment:
+        assert "FORCE_RERUN_ANALYTICS" not in environment
+        folder = Path(environment["XDG_CONFIG_HOME"])
+        before = (folder / "rerun" / "analytics.json").read_text()
+        for _ in range(2):
+            verify(recording, environment)
+        assert (folder / "rerun" / "analytics.json").read_text() == before
+        assert not list((folder / "analytics").iterdir())
+    assert not folder.exists()
+    assert not list(home.iterdir())
+
+
+def test_the_viewer_writes_nothing_there_either(home, recording):
+    run_viewer(str(recording))  # and ends, as there is no screen
+    assert not list(home.iterdir())
+
+
+def test_nothing_is_looked_up_or_sent(home, recording, tmp_path):
+    strace = shutil.which("strace")
+    if strace is None:
+        pytest.skip("strace is not installed")
+    log = tmp_path / "calls"
+    with private_environment() as environment:
+        for _ in range(2):  # a first session never sends anything
+            tracing = (strace, "-f", "-o", str(log), "-e", "trace=connect,sendto,sendmsg,sendmmsg")
+            verify(recording, environment, *tracing)
+            calls = log.read_text()
+            assert "exited with 0" in calls
+            assert not re.findall(r"AF_INET6?\b|sin_port", calls)
