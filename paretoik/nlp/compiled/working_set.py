@@ -116,9 +116,8 @@ def _factorise(program, work, rho, delta, is_full, scale):
     """Factorise K with ``delta`` on its diagonal, banded or dense; return whether it is positive definite."""
     size, band = program.A.shape
     matrix, border = work.full if is_full else work.A, len(program.C)
-    clear(matrix)
-    clear(work.B)
-    clear(work.C)
+    for part in (matrix, work.B, work.C):
+        clear(part)
     for i in range(size):
         for d in range(min(band, i + 1)):
             matrix[i, d] = program.A[i, d] / scale
