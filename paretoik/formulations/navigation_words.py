@@ -97,15 +97,18 @@ def _how(front: Front, request: NavigationRequest, destination: Destination, is_
             text += f" From there on nothing better in {name} was found that the others pay for."
         return text
     if followed is None:
-        cause = "Optima cannot be followed past kinks: it was solved from the start and its neighbours."
+        cause = (
+            "Optima cannot be followed past kinks, or where functions relate samples: it was solved from the start and "
+            "its neighbours."
+        )
     elif followed.share == 0.0:
-        cause = "Its branch could not be followed: it was solved from the start and its neighbours."
+        cause = "Its branch could not be followed: it was sought from the start and its neighbours."
     elif followed.share < 1.0:
         cause = (
-            f"Its branch was followed {followed.share:.0%} of the way: it was solved from there and from neighbours."
+            f"Its branch was followed {followed.share:.0%} of the way: it was sought from there and from neighbours."
         )
     else:
-        cause = "Its branch leads to a worse point: it was solved from neighbours."
+        cause = "Its branch leads to a worse point: it was sought from neighbours."
     jump = (
         "The front jumps on the way: between the two motions others are worse than both."
         if destination.jump
