@@ -48,10 +48,13 @@ class PlanPanel:
         recording.log(f"{ENTITY}/final", lines, static=True)
 
     def log_until(self, recording: rr.RecordingStream, count: int, *, ended: bool = False) -> None:
-        """Draw the first so many starts with what they led to, the best of it, and where all ``ended`` the optima."""
+        """Draw the first so many starts with what they led to, the best of the level, where all ``ended`` the optima.
+
+        Values of other levels, whose samples are others, are no better or worse.
+        """
         across = self.across[:count]
         starts, ends = self.starts[:count], self.ends[:count]
-        failed = ~np.isfinite(ends)
+        failed, first = ~np.isfinite(ends), self._first(count)
         self._log_points(recording, "starts", across[~failed], starts[~failed], SCREEN.population, 2.2, 1.0)
         self._log_points(recording, "failed", across[failed], starts[failed], SCREEN.failed, 2.2, 1.0)
         self._log_points(recording, "ends", across[~failed], ends[~failed], SCREEN.front, 3.2, 2.0)
@@ -59,8 +62,8 @@ class PlanPanel:
         self._log_points(recording, "optima", places, self._final[: len(places)], SCREEN.front, 4.5, 3.0)
         if ended and len(places):
             best, where = float(self._final[0]), float(places[0])
-        elif not failed.all():
-            row = self._best(ends)
+        elif np.isfinite(ends[first:]).any():
+            row = first + self._best(ends[first:])
             best, where = float(ends[row]), float(across[row])
         else:
             return
@@ -136,6 +139,11 @@ class PlanPanel:
     def _places(self) -> Values:
         """Where the final optima stand across."""
         return len(self.levels) + (np.arange(len(self._final)) + 0.5) / max(len(self._final), 1)
+
+    def _first(self, count: int) -> int:
+        """Return the row of the first start of the level that the last of so many starts belongs to."""
+        borders = np.cumsum([0, *(len(level.starts) for level in self.levels)])
+        return int(borders[borders < count].max(initial=0))
 
     def _best(self, ends: Values) -> int:
         return int(np.nanargmax(ends) if self.scene.maximised else np.nanargmin(ends))

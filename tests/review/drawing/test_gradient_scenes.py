@@ -109,6 +109,10 @@ def test_every_start_of_a_plan_leads_to_what_is_drawn_of_it(plan):
     assert counts == sorted(counts)
     assert counts[-1] == sum(np.isfinite(each).sum() for each in ends.values())
     assert "leads to" in last_text(entities["/text"], "start", 1)
+    for level, reached in ends.items():  # the best of each level stands in its own band
+        (place,) = rows(entities["/objective/best"], "level", "positions")[level]
+        row = int(np.nanargmin(reached)) + sum(len(ends[each]) for each in ends if each < level)
+        np.testing.assert_allclose(place, rows(entities["/objective/ends"], "level", "positions")[max(ends)][row])
 
 
 def test_a_plan_that_finds_nothing_leaves_a_recording_that_opens(tmp_path):
