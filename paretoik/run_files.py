@@ -128,11 +128,20 @@ def only_writer(folder: Path) -> Iterator[None]:
     except OSError as fault:
         raise InvalidInput(f"{folder}: wanted a folder to write into, got {fault.strerror}") from fault
     try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX)
-        yield
+        _lock(descriptor, folder)
+        try:
+            yield
+        finally:
+            fcntl.flock(descriptor, fcntl.LOCK_UN)  # a process forked meanwhile has the descriptor too
     finally:
-        fcntl.flock(descriptor, fcntl.LOCK_UN)  # a process forked meanwhile has the descriptor too
         os.close(descriptor)
+
+
+def _lock(descriptor: int, folder: Path) -> None:
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+    except OSError as fault:  # as of file systems without locks
+        raise InvalidInput(f"{folder}: wanted to lock it against a second writer, got {fault.strerror}") from fault
 
 
 def run_bytes(entries: Mapping[str, Any]) -> bytes:

@@ -44,7 +44,7 @@ def navigate(
         moved = front.navigate(point, improve=improve, allow=allow, hold=hold, by=by, to=to)
         choice = moved.navigated
         assert choice is not None  # a move leads somewhere or raises
-        place = place if out is not None or not _left(moved) else _beside(folder, choice.id)
+        place = place if out is not None or not _dominated(moved) else _beside(folder, choice.id)
         moved.save(place)
         _draw(moved, folder, place)
     return moved, choice, place
@@ -61,9 +61,9 @@ def _place(folder: Path, out: str | Path | None, overwrite: bool) -> Iterator[Pa
         yield place
 
 
-def _left(front: Front) -> list[Any]:
+def _dominated(front: Front) -> list[Any]:
     """Return the ids of points that the last move has dominated."""
-    return list(front.provenance[NAVIGATIONS][-1]["left"])
+    return list(front.provenance[NAVIGATIONS][-1]["dominated"])
 
 
 def _beside(folder: Path, id: int) -> Path:

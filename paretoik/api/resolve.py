@@ -7,9 +7,8 @@ from pathlib import Path as FilePath
 
 from paretoik.api.progress import Observer
 from paretoik.api.resolution_run import motion_ending, resolution_settings, resolution_subject, save_resolution
-from paretoik.api.review_resolution import record_motions, review_resolution, start_recording
+from paretoik.api.review_resolution import resolve_recorded, review_resolution
 from paretoik.api.run_session import run_session
-from paretoik.errors import Infeasible
 from paretoik.inputs import check_flag
 from paretoik.resolution.follow import TRACKING_TOLERANCE
 from paretoik.resolution.method import Method
@@ -121,15 +120,7 @@ def resolve(
         observe=observe,
         catch_signals=False,  # a motion is whole or none
     ) as session:
-        start_recording(resolution, session)
-        try:
-            motion = resolve_motion(resolution)
-        except Infeasible as lost:
-            if isinstance(lost.motion, ResolvedMotion):  # which shows where the path was lost
-                record_motions(
-                    lost.motion, {**session.provenance, "status": "the path is lost", "reason": str(lost)}, session
-                )
-            raise
+        motion = resolve_recorded(resolution, session)
         provenance = {**session.provenance, **motion_ending(motion, session.seconds)}
         session.keep(lambda folder: save_resolution(motion, provenance, folder))
         review_resolution(motion, resolution, session)

@@ -6,15 +6,19 @@ from collections.abc import Mapping
 from typing import Any
 
 from paretoik.api.run_session import RunSession
-from paretoik.resolution.resolve import Resolution
+from paretoik.errors import Infeasible
+from paretoik.resolution.resolve import Resolution, resolve
 from paretoik.resolution.traces import ResolvedMotion
 from paretoik.review.recording.resolved import ResolutionEnd, ResolvedScene, record_traces
 from paretoik.review.recording.workcell import workcell_of
 from paretoik.run_files import DRAWING
 
 
-def start_recording(resolution: Resolution, session: RunSession) -> None:
-    """Start the recording of what is to be resolved."""
+def resolve_recorded(resolution: Resolution, session: RunSession) -> ResolvedMotion:
+    """Return the motion that is asked for, while a recording is begun; where the path is lost, record how far it goes.
+
+    Raises what ``resolution.resolve`` does.
+    """
     cell = workcell_of(resolution)
     assert cell is not None
     oriented = any(each.has_orientation for each in resolution.task.tasks)
@@ -27,10 +31,16 @@ def start_recording(resolution: Resolution, session: RunSession) -> None:
         min_clearance=float(resolution.task.min_clearance),
     )
     session.start_recording(scene)
+    try:
+        return resolve(resolution)
+    except Infeasible as lost:
+        if isinstance(lost.motion, ResolvedMotion):
+            ending = {"status": "the path is lost", "reason": str(lost)}
+            _finish_recording(lost.motion, {**session.provenance, **ending}, session)
+        raise
 
 
-def record_motions(motion: ResolvedMotion, provenance: Mapping[str, Any], session: RunSession) -> None:
-    """Complete the recording with motions."""
+def _finish_recording(motion: ResolvedMotion, provenance: Mapping[str, Any], session: RunSession) -> None:
     if session.recorder is not None:
         motions, count = record_traces(motion)
         session.finish_recording(ResolutionEnd(motions=motions, count=count, provenance=provenance))
@@ -40,7 +50,7 @@ def review_resolution(motion: ResolvedMotion, resolution: Resolution, session: R
     """Complete the recording, and draw the first of the motions."""
     if session.folder is None:
         return
-    record_motions(motion, {**session.provenance, "status": "resolved"}, session)
+    _finish_recording(motion, {**session.provenance, "status": "resolved"}, session)
     from paretoik.review.pictures.resolution_picture import resolution_picture  # here: matplotlib takes its time
 
     while motion.q.ndim > 2:

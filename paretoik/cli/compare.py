@@ -39,7 +39,7 @@ def compare(
         comparison = compare_fronts(*runs, labels=None if labels is None else labels.split(","))
         if merge is not None:
             merged = comparison.merged
-            lost = merged.provenance["merged"]["left_out"]
+            left_out = merged.provenance["merged"]["left_out"]
             with claim_folder(merge, overwrite=overwrite) as folder:
                 merged.save(folder)
         if picture is not None:
@@ -47,11 +47,11 @@ def compare(
 
             comparison_picture(comparison, picture)
     if as_json:
-        kept = {} if merge is None else {"merged": {"out": merge, "points": len(merged), "left_out": lost}}
-        print_json({**comparison_entries(comparison), **kept})
+        merge_entries = {} if merge is None else {"merged": {"out": merge, "points": len(merged), "left_out": left_out}}
+        print_json({**comparison_entries(comparison), **merge_entries})
     else:
         print(comparison)
         if merge is not None:
             print(f"\n{merge}: {len(merged)} points; its run.json says which run each comes from")
-            if lost:
-                print(f"not every run has the same {' and '.join(lost)}, so that the merged front has none")
+            if left_out:
+                print(f"not every run has the same {' and '.join(left_out)}, so that the merged front has none")

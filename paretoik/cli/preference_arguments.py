@@ -15,8 +15,6 @@ from paretoik.front.preferences import Aspiration, Bounds, Classify, Knee, Lexic
 from paretoik.front.preferences.point import Point
 
 CLASSES = "improve, improve:VALUE, keep, relax:VALUE or free"
-
-
 BELONGS_TO = {"uncertainty": "robust", "from": "classify"}
 
 

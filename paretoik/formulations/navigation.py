@@ -115,9 +115,9 @@ def _certified(formulation: Differentiable, destination: Destination, aim: Aim, 
     x, ranges = destination.x, aim.ranges
     goal = aim.at_share(destination.share)
     for _ in range(OPTIONS.rounds):
-        held, programs = formulation.hold_between(x[None], ranges)
-        x, program = held[0], programs[0]
-        if not np.array_equal(held[0], destination.x):
+        constrained, programs = formulation.hold_between(x[None], ranges)
+        x, program = constrained[0], programs[0]
+        if not np.array_equal(x, destination.x):
             again = reach(program, x, goal)
             x = x if again is None or not _keeps_limits(formulation, again, x) else again
         arrival, better = _certificate(formulation, program, x, aim)
@@ -155,12 +155,12 @@ def _joined(
     better = np.flatnonzero((values <= value + OPTIONS.tolerance).all(axis=1))
     moves = list(front.provenance.get(NAVIGATIONS, ()))
     if len(better):
-        id, left = int(front.ids[better[np.argmin(values[better].sum(axis=1))]]), np.zeros(0, dtype=int)
+        id, dominated = int(front.ids[better[np.argmin(values[better].sum(axis=1))]]), np.zeros(0, dtype=int)
         joined = front
     else:
         id = largest_id(front) + 1
-        left = np.flatnonzero((value <= values).all(axis=1))
-        joined = _add(problem, front, left, id, arrival)
+        dominated = np.flatnonzero((value <= values).all(axis=1))
+        joined = _add(problem, front, dominated, id, arrival)
     note = describe_move(
         front,
         joined,
@@ -168,16 +168,16 @@ def _joined(
         aim,
         destination,
         id,
-        [int(i) for i in front.ids[left]],
+        [int(i) for i in front.ids[dominated]],
         None if len(better) else arrival.certificate,
     )
     provenance = {**front.provenance, NAVIGATIONS: [*moves, note]}
     return replace(joined, provenance=provenance)
 
 
-def _add(problem: Any, front: Front, left: np.ndarray, id: int, arrival: Arrival) -> Front:
-    """Return the front without the rows ``left`` and with a point."""
-    stay = np.setdiff1d(np.arange(len(front)), left)
+def _add(problem: Any, front: Front, dominated: np.ndarray, id: int, arrival: Arrival) -> Front:
+    """Return the front without the rows ``dominated`` and with a point."""
+    stay = np.setdiff1d(np.arange(len(front)), dominated)
     individual, certificates = arrival.individual, front.certificates
     assert certificates is not None
     genes = None

@@ -22,10 +22,10 @@ def describe_move(
     aim: Aim,
     destination: Destination,
     id: int,
-    left: list[int],
+    dominated: list[int],
     certificate: Certificates | None,
 ) -> dict[str, Any]:
-    """Return the note of a move from a front to the one after it, its words under "reason"; ``left`` went."""
+    """Return the note of a move from a front to the one after it, its words under "reason"; ``dominated`` went."""
     start = int(front.ids[request.row])
     row = int(np.flatnonzero(after.ids == id)[0])
     signs = np.where(front.maximised, -1.0, 1.0)
@@ -36,7 +36,7 @@ def describe_move(
         _moved(front, request, change, predicted, start, id, is_new),
         _how(front, request, destination, is_new),
         *([] if certificate is None else [_certified(certificate)]),
-        *([f"It dominates {_points(left)}, which left the front."] if left else []),
+        *([f"It dominates {_points(dominated)}, which left the front."] if dominated else []),
     ]
     followed = destination.followed
     return {
@@ -56,7 +56,7 @@ def describe_move(
         "steps": 0 if followed is None else followed.steps,
         "corrections": 0 if followed is None else followed.corrections,
         "jump": destination.jump,
-        "left": left,
+        "dominated": dominated,
         "reason": " ".join(words),
     }
 
@@ -80,8 +80,8 @@ def _moved(
         elif np.isfinite(predicted[k]) and predicted[k] != 0:
             text += f" ({predicted[k]:+.4g} by the exchange rates there)"
         parts.append(text)
-    held = [k for k in range(len(front.names)) if k != request.improve and k not in request.payers]
-    parts += [f"{front.names[k]} {change[k]:+.2g} {front.units[k]}, held".replace(" ,", ",") for k in held]
+    fixed = [k for k in range(len(front.names)) if k != request.improve and k not in request.payers]
+    parts += [f"{front.names[k]} {change[k]:+.2g} {front.units[k]}, held".replace(" ,", ",") for k in fixed]
     where = f"new point {id}" if is_new else f"point {id}, known already and no worse"
     return f"From point {start} to {where}: {'; '.join(parts)}."
 
@@ -97,15 +97,18 @@ def _how(front: Front, request: NavigationRequest, destination: Destination, is_
             text += f" From there on nothing better in {name} was found that the others pay for."
         return text
     if followed is None:
-        cause = "Optima cannot be followed past kinks: it was solved from the start and its neighbours."
+        cause = (
+            "Optima cannot be followed past kinks, or where functions relate samples: it was solved from the start and "
+            "its neighbours."
+        )
     elif followed.share == 0.0:
-        cause = "Its branch could not be followed: it was solved from the start and its neighbours."
+        cause = "Its branch could not be followed: it was sought from the start and its neighbours."
     elif followed.share < 1.0:
         cause = (
-            f"Its branch was followed {followed.share:.0%} of the way: it was solved from there and from neighbours."
+            f"Its branch was followed {followed.share:.0%} of the way: it was sought from there and from neighbours."
         )
     else:
-        cause = "Its branch leads to a worse point: it was solved from neighbours."
+        cause = "Its branch leads to a worse point: it was sought from neighbours."
     jump = (
         "The front jumps on the way: between the two motions others are worse than both."
         if destination.jump

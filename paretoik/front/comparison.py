@@ -84,7 +84,7 @@ class Comparison:
     def coverage(self) -> Pairs:
         """C-metric [i, j]: share of the points of front j that some point of front i weakly dominates.
 
-        Zitzler & Thiele (1999), Eq. 3: C(i, j) and C(j, i) need not sum to 1.
+        Zitzler & Thiele (1999): C(i, j) and C(j, i) need not sum to 1.
         """
         return np.array([[_covered(one.minimised, other.minimised) for other in self.fronts] for one in self.fronts])
 
@@ -92,7 +92,7 @@ class Comparison:
     def epsilon(self) -> Pairs:
         """Additive epsilon [i, j]: the least that, taken off all of front i, makes it weakly dominate front j.
 
-        In shares of the ranges; at most 0 where it does so already. Zitzler et al. (2003), Definition 6.
+        In shares of the ranges; at most 0 where it does so already. Zitzler et al. (2003).
         """
         import moocore
 

@@ -226,8 +226,8 @@ class Front:
         wish = as_preference(preference)
         select: Callable[[Front, Preference], Choice] | None = getattr(self.problem, "select", None)
         choice = ask(wish, self) if select is None else select(self, wish)
-        own = np.array_equal(choice.objectives, self.objectives[choice.index])  # not a loop that was followed anew
-        if keep and own and self.folder is not None:
+        is_known = np.array_equal(choice.objectives, self.objectives[choice.index])  # no loop that was followed anew
+        if keep and is_known and self.folder is not None:
             keep_choice(self, choice, wish)
         return choice
 

@@ -89,6 +89,12 @@ def check_ranges(values: np.ndarray, objectives: Objectives) -> Ranges:
         ranges = np.zeros((n_obj, 2)) if empty else np.stack([objectives.min(axis=0), objectives.max(axis=0)], axis=1)
     if ranges.shape != (n_obj, 2) or not np.isfinite(ranges).all() or (ranges[:, 0] > ranges[:, 1]).any():
         raise InvalidInput(f"front ranges: wanted a finite (lower, upper) for each of {n_obj}, got {ranges.tolist()}")
+    with np.errstate(over="ignore"):
+        wide = ~np.isfinite(np.ptp(ranges, axis=1))
+    if wide.any():
+        raise InvalidInput(
+            f"front ranges: wanted upper − lower of at most {np.finfo(float).max:.3g}, got {ranges[wide][0].tolist()}"
+        )
     return read_only(ranges)
 
 

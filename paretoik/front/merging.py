@@ -40,7 +40,9 @@ def merge(comparison: Comparison) -> Front:
         for place, front, part in zip(places, fronts, rows, strict=True)
         for number in front.ids[part]
     ]
-    lost = [name for name in PARTS if parts[name] is None and any(getattr(front, name) is not None for front in fronts)]
+    left_out = [
+        name for name in PARTS if parts[name] is None and any(getattr(front, name) is not None for front in fronts)
+    ]
     first = fronts[0]
     provenance = {
         name: first.provenance[name] for name in ("problem", "fingerprint", "versions") if name in first.provenance
@@ -56,7 +58,7 @@ def merge(comparison: Comparison) -> Front:
         names=first.names,
         units=first.units,
         maximised=first.maximised,
-        provenance={**provenance, "status": "merged", "merged": {**merged, "left_out": lost}},
+        provenance={**provenance, "status": "merged", "merged": {**merged, "left_out": left_out}},
         problem=next((front.problem for front in fronts if front.problem is not None), None),
         **parts,
     )

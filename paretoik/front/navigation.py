@@ -24,11 +24,11 @@ if TYPE_CHECKING:  # a front asks this file to move
 
 @dataclass(frozen=True, kw_only=True)
 class NavigationDefaults:
-    """A point counts as critical up to ``critical``; a move is a ``share`` of the range, or half of what is left."""
+    """A point counts as critical up to ``critical``; a move is a ``share`` of the range, or half of what remains."""
 
     critical: float = 1e-6
     share: float = 0.05
-    left: float = 0.5
+    remaining: float = 0.5
     points: int = 4
 
 
@@ -66,7 +66,7 @@ def navigate(
         The point to move from: a choice, or an id.
     improve
         The objective that gets better: ``by`` so much, or ``to`` a value, in its own unit. By default by 5 % of its
-        range, or half of what is left to its best value on the front if that is less.
+        range, or half of what remains to its best value on the front if that is less.
     allow
         Who pays, by name: the others get no worse. By default all that are not on ``hold``. Several pay alike, in
         shares of their ranges.
@@ -158,13 +158,13 @@ def _request(
     (k,) = _axes(front, "improve", [improve])
     if len(front.names) < 2:
         raise InvalidInput("navigate: wants two objectives or more, got one: nothing pays for it")
-    held = _axes(front, "hold", hold)
+    fixed = _axes(front, "hold", hold)
     others = [axis for axis in range(len(front.names)) if axis != k]
-    payers = [axis for axis in others if axis not in held] if allow is None else _axes(front, "allow", allow)
-    for name, axes in (("allow", payers), ("hold", held)):
+    payers = [axis for axis in others if axis not in fixed] if allow is None else _axes(front, "allow", allow)
+    for name, axes in (("allow", payers), ("hold", fixed)):
         if k in axes:
             raise InvalidInput(f"{name}: wants objectives other than {improve}, which is to improve")
-    both = [front.names[axis] for axis in payers if axis in held]
+    both = [front.names[axis] for axis in payers if axis in fixed]
     if both or not payers:
         raise InvalidInput(f"allow: wants objectives that are not on hold, got {', '.join(both) or 'none'}")
     step = _step(front, row, k, by, to)
@@ -187,11 +187,11 @@ def _step(front: Front, row: int, axis: int, by: float | None, to: float | None)
         if gain <= 0:
             raise InvalidInput(f"to: wants better than {front.quantity(axis, value)}, got {to:g}")
         return gain
-    left = float((front.minimised[row, axis] - front.minimised[:, axis]).max())
+    remaining = float((front.minimised[row, axis] - front.minimised[:, axis]).max())
     share = DEFAULTS.share * float(np.ptp(front.ranges[axis]))
-    if max(left, share) <= 0.0:
+    if max(remaining, share) <= 0.0:
         raise InvalidInput(f"by: wants how much to improve {name}, of which the front has but one value")
-    return min(share, DEFAULTS.left * left) if 0.0 < left < 2 * share else share
+    return min(share, DEFAULTS.remaining * remaining) if 0.0 < remaining < 2 * share else share
 
 
 def _check_not_at_end(front: Front, row: int, axis: int, payers: Sequence[int]) -> None:

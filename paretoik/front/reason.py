@@ -163,8 +163,8 @@ def _rate_sentence(front: Front, gain: str, rates: list[ExchangeRate]) -> str:
         )
         costs.append(f"{value} {front.units[front.names.index(rate.cost)]}".rstrip() + f" of {rate.cost}")
     verb, unit = ("gaining" if front.maximised[axis] else "saving"), front.units[axis] or "unit"
-    held = ", the others unchanged" if len(front.names) > 2 else ""
-    price = f"By its certificate {verb} {gain} costs {list_words(costs, 'or')} per {unit}{held}"
+    condition = ", the others unchanged" if len(front.names) > 2 else ""
+    price = f"By its certificate {verb} {gain} costs {list_words(costs, 'or')} per {unit}{condition}"
     return f"{price}{_validity(front, rates[0])}."
 
 

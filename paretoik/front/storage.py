@@ -93,8 +93,8 @@ def stored_points(folder: Path) -> dict[int, tuple[float, ...]]:
 
 def has_points(front: Front, points: Mapping[int, tuple[float, ...]]) -> bool:
     """Say whether a front has these points, with the same objectives."""
-    own = dict(zip(front.ids.tolist(), map(tuple, front.objectives.tolist()), strict=True))
-    return all(own.get(number) == values for number, values in points.items())
+    values_by_id = dict(zip(front.ids.tolist(), map(tuple, front.objectives.tolist()), strict=True))
+    return all(values_by_id.get(number) == values for number, values in points.items())
 
 
 def _keeps_run(front: Front, folder: Path) -> bool:

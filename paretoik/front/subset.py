@@ -18,7 +18,6 @@ from paretoik.inputs import finite_number
 if TYPE_CHECKING:  # a front asks this file for its parts
     from paretoik.front.front import Front
 
-
 Bound: TypeAlias = tuple[float | None, float | None]
 
 
@@ -128,8 +127,8 @@ def _rows_of(front: Front, ids: np.ndarray, name: str) -> Int[np.ndarray, " rows
     unknown = [number for number in ids.tolist() if number not in rows]
     if unknown:
         some = ", ".join(map(str, unknown[:5])) + ", ..." * (len(unknown) > 5)
-        own = f"{len(front)} from {front.ids.min()} to {front.ids.max()}" if len(front) else "none"
-        raise InvalidInput(f"{name}: wanted ids of its points ({own}), got {some}")
+        extent = f"{len(front)} from {front.ids.min()} to {front.ids.max()}" if len(front) else "none"
+        raise InvalidInput(f"{name}: wanted ids of its points ({extent}), got {some}")
     return np.array([rows[number] for number in ids.tolist()], dtype=np.int64)
 
 

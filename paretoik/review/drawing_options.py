@@ -11,8 +11,10 @@ class DrawingOptions:
 
     Up to ``matrix`` objectives every pair has a panel, beyond only neighbours; parallel coordinates come from
     ``parallel`` objectives on, and more than ``parallel_lines`` points are a grey area there. The timeline along the
-    front has at most so many points, ``walk``, that along the starts of a plan so many, ``starts``. Timelines of
-    generations play ``frames`` of them a second, those of a few things that are looked at one by one ``slow_frames``.
+    front has at most so many points, ``walk``, that along the starts of a plan so many, ``starts``. Of a plan's
+    optima so many, ``optima``, are listed, and what so large a share of starts as ``near`` led to is on its axes.
+    Timelines of generations play ``frames`` of them a second, those of a few things that are looked at one by one
+    ``slow_frames``.
 
     A limit is in the chart where it lies at most ``limit_distance`` ranges of the curves off. Outlines of obstacles
     have so many ``corners``; where a body meets the plane is found on a grid of ``section`` points a side. Meshes are
@@ -24,6 +26,8 @@ class DrawingOptions:
     parallel_lines: int = 200
     walk: int = 60
     starts: int = 240
+    optima: int = 12
+    near: float = 0.9
     frames: float = 6.0
     slow_frames: float = 1.0
     limit_distance: float = 2.5

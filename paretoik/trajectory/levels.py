@@ -140,13 +140,16 @@ def refine_levels(
                 solutions = disturb(program, solutions)[:limit]
         levels.append((len(task.times), len(solutions)))
         if observe is not None:
-            level = LevelProgress(task=task, starts=q, ends=ends.x, converged=ends.converged, optima=solutions.x)
-            observe(level)
+            observe(_progress(task, q, ends, solutions))
         if restore and first and not solutions.converged.any():
             break
         if finer:
             q, coarser = _resample(task, solutions.x, finer.task), (program, solutions)
     return solutions, tuple(levels)
+
+
+def _progress(task: MotionTask, starts: np.ndarray, ends: Solutions, optima: Solutions) -> LevelProgress:
+    return LevelProgress(task=task, starts=starts, ends=ends.x, converged=ends.converged, optima=optima.x)
 
 
 def _solve_level(

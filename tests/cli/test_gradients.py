@@ -28,6 +28,7 @@ def test_plan_lists_the_optima(paretoik, mine, tmp_path):
     file.write_text(ONE)
     ended = paretoik("plan", f"{file}:one", "--out", tmp_path / "p", "--starts", "4", "--quiet", "--json")
     assert ended.code == 0
+    assert (tmp_path / "p" / "review.rrd").stat().st_size > 100_000
     optima = strict(ended.out)["optima"]
     assert [each["objective"] for each in optima] == sorted(each["objective"] for each in optima)
     assert export_reads(paretoik, tmp_path / "p", optima)

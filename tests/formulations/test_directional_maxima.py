@@ -32,7 +32,7 @@ def problem(request):
 
 @pytest.fixture(scope="module")
 def front(problem):
-    return pk.solve(problem, population=40, generations=30, seed=1, points=10)
+    return pk.solve(problem, population=40, generations=30, seed=1, points=16)
 
 
 @pytest.fixture(scope="module")
@@ -119,7 +119,7 @@ def test_exchange_rates_are_those_of_neighbouring_optima(problem, refined):
 
 
 def test_the_same_seed_gives_the_same_front(problem, front):
-    again = pk.solve(problem, population=40, generations=30, seed=1, points=10)
+    again = pk.solve(problem, population=40, generations=30, seed=1, points=16)
     assert np.array_equal(again.objectives, front.objectives)
 
 

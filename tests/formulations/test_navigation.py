@@ -28,12 +28,27 @@ def directions():
     return pk.DirectionalMaxima(pk.arms.kim_3r(), pk.capability.kim_joint_motors(), (0.15, 0.25), 2)
 
 
+def sliders(cls, *arguments, **settings):
+    return cls(pk.arms.kim_3r(), pk.capability.kim_sliders(), *arguments, **settings)
+
+
+def speed_and_force():
+    """Speed upwards against force upwards: gears that are fast are weak."""
+    ways = [[0.0, 1.0], [0.0, 1.0]]
+    return sliders(pk.DirectionalMaxima, (0.2, -0.15), ways, quantity=("velocity", "force"), power=False)
+
+
+def point_to_point():
+    return sliders(pk.PointToPoint, (0.1, -0.15), (0.2, -0.15), samples=9, coefficients=5, bases=2)
+
+
 MAKERS = {
     "two": lambda: tracking(pk.kinetic_energy, pk.torque_norm),
     "three": lambda: tracking(pk.kinetic_energy, pk.torque_norm, pk.joint_travel),
     "maximised": lambda: tracking(pk.kinetic_energy, pk.manipulability),
     "kinked": lambda: tracking(pk.kinetic_energy, pk.peak_velocity),
     "directions": directions,
+    "point to point": point_to_point,
 }
 
 
@@ -62,7 +77,7 @@ def assert_kept(front, moved):
             if before.motion is not None:
                 assert np.array_equal(before.motion.q, after.motion.q)
         else:
-            assert int(id) in moved.provenance["navigations"][-1]["left"]
+            assert int(id) in moved.provenance["navigations"][-1]["dominated"]
 
 
 def test_a_move_gains_what_was_asked_is_certified_and_new(front):
@@ -76,7 +91,7 @@ def test_a_move_gains_what_was_asked_is_certified_and_new(front):
         assert (change > 0) == front.maximised[k]
         if note["new"]:
             assert new.id > front.ids.max()
-            assert len(moved) == len(front) + 1 - len(note["left"])
+            assert len(moved) == len(front) + 1 - len(note["dominated"])
             assert moved.certificates.kkt_residual[new.index] <= 1e-6
             assert moved.certificates.violation[new.index] <= 1e-8
             assert non_dominated(moved.minimised).all()
@@ -157,6 +172,16 @@ def test_past_kinks_it_is_solved_anew_and_said():
     front = pk.epsilon_front(MAKERS["kinked"](), points=6, starts=8, observe=False)
     moved = front.navigate(inner_points(front)[0], improve="kinetic_energy")
     assert "cannot be followed past kinks" in moved.navigated.reason
+
+
+@pytest.mark.parametrize("make", [speed_and_force, point_to_point])
+def test_branches_of_sliders_are_followed(make):
+    front = pk.epsilon_front(make(), points=5, starts=4, observe=False)
+    start = inner_points(front)[1]
+    by = 0.02 * float(np.ptp(front.ranges[0]))
+    note = front.navigate(start, improve=front.names[0], by=by).provenance["navigations"][-1]
+    assert note["followed"]
+    assert note["share"] == 1.0
 
 
 def test_around_a_point_come_new_certified_ones(plain):

@@ -99,6 +99,7 @@ def test_equal_points_may_stand_side_by_side():
         ([[1.0, 2.0]], {"ranges": np.array([[0.0, 1.0]])}, "ranges: wanted"),
         ([[1.0, 2.0]], {"ranges": np.array([[0.0, 1.0], [2.0, 1.0]])}, "ranges: wanted"),
         ([[1.0, 2.0]], {"ranges": np.array([[0.0, 1.0], [2.0, np.inf]])}, "ranges: wanted"),
+        ([[-1.7e308, 2.0], [1.7e308, 1.0]], {}, r"ranges: wanted upper − lower of at most 1.8e\+308"),
     ],
 )
 @pytest.mark.usefixtures("unchecked")

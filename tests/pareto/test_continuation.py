@@ -6,8 +6,15 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+import paretoik as pk
+from paretoik.nlp.compiled.continuation import CorrectionOptions
+from paretoik.nlp.compiled.continuation import correct as search
+from paretoik.nlp.compiled.parametric_qp import QpOptions
+from paretoik.nlp.minimise import minimise
 from paretoik.pareto.continuation import correct, follow, guess_optimum
 from paretoik.pareto.goals import Aim, Wish
+from paretoik.trajectory.plan_starts import sample_starts
+from paretoik.trajectory.transcription import motion_program
 from tests.pareto.sketches import ellipses, ellipses_best, placed, sketched
 
 PROGRAM = sketched(2, ellipses)
@@ -101,3 +108,36 @@ def test_units_of_objectives_change_nothing(units):
     scaled = follow(program, optimum, wish.at_share)
     assert scaled.share == plain.share == 1.0
     assert scaled.optimum.x[:2] == pytest.approx(plain.optimum.x[:2], abs=1e-6)
+
+
+@pytest.mark.parametrize(("predictions", "order"), [(1, 2), (3, 3)])
+def test_with_every_objective_s_own_hessian_a_prediction_errs_by_the_cube(predictions, order):
+    path = pk.line((0.4678, 0.0), (0.0983, 0.1526), duration=1.0, samples=11)
+    objectives = [pk.kinetic_energy, pk.torque_norm]
+    task = pk.Tracking(pk.arms.tringali_3r(), path, objectives=objectives, differences="backward", bases=1).task
+    program = motion_program(task, np.ones(2))
+    solutions = minimise(program, sample_starts(task, 1, np.random.default_rng(0)), np.array([[1.0, 0.2]]))
+    assert solutions.converged.all()
+    x, values = solutions.x[0], solutions.objectives[0]
+    ranges, weights, errors = values / 10, np.array([1.0, 0.2]) * values, []
+    for by in (0.04, 0.02):
+        move = Aim(
+            wish=Wish(improve=0, payers=(1,), by=by),
+            ranges=ranges,
+            start=values,
+            weights=weights / weights.sum(),
+            objectives=2,
+        )
+        begin, goal = guess_optimum(program, x, move.at_share(0.0)), move.at_share(1.0)
+        options = CorrectionOptions(
+            residual=np.inf,
+            violation=np.inf,
+            corrections=0,
+            contraction=0.5,
+            predictions=predictions,
+            predicted=1e-9,
+            qp=QpOptions(),
+        )
+        predicted = search(program.kernel, x, begin.multipliers, goal.weights, goal.rows, goal.upper, options)[2]
+        errors.append(float(abs(goal.rows[0] @ predicted - goal.upper[0])))
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.4)

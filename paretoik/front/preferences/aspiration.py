@@ -25,8 +25,8 @@ class Aspiration:
     Chooses the least achievement function of Wierzbicki (1980; Miettinen 1999, section 3.5.2): max (Z_i − a_i) over the
     named objectives + 1e-4 Σ (Z_i − a_i) over all, a_i the aspiration's share of the stored range, 0 where none is
     named. Within the reachable set that is the point that betters the wishes the most, outside the one that misses them
-    the least, each measured where it is worst. Every point of a front can be had so. An objective without a range says
-    nothing.
+    the least, each measured where it is worst. Every point can be had so that gains, beside each other one, at least a
+    ten-thousandth of what it gives up. An objective without a range says nothing.
 
     ``Aspiration(kinetic_energy=0.05, torque_norm=0.1)``, or a mapping where a name is no identifier. Raises
     InvalidInput where a value is no finite number, none is named, or a name comes twice.

@@ -84,7 +84,7 @@ def _out_of_bounds(front: Front, limits: Float[np.ndarray, "n_obj 2"]) -> Infeas
     parts = [
         f"{front.names[axis]} {front.objectives[row, axis]:.4g} misses it by "
         f"{missed[row, axis]:.3g} {front.units[axis]}".rstrip()
-        + f" ({percent(shares[row, axis])} of the range)"
+        + f" ({percent(shares[row, axis])} of {'the range' if width[axis] > 0 else 'the value that all have'})"
         for axis in np.flatnonzero(missed[row]).tolist()
     ]
     motion: Any = None if front.motions is None else front.motions[row]

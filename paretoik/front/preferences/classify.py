@@ -28,8 +28,9 @@ class Classify:
 
         max (Z_i, i to improve; Z_j − a_j, j to improve to a value) + 1e-4 ΣZ,
 
-    Z in shares of the stored ranges (Miettinen and Mäkelä 2006, European J. of Operational Research 170, Eq. 3; 1999,
-    NIMBUS). The current point keeps to it too: where it is chosen again, no other does better.
+    Z in shares of the stored ranges (Miettinen and Mäkelä 2006, European J. of Operational Research 170; 1999, NIMBUS;
+    they divide by nadir − utopian, a little more than the ranges nadir − ideal). The current point keeps to it too:
+    where it is chosen again, no other does better.
 
     ``Classify(choice, improve=["kinetic_energy"], relax_to={"torque_norm": 0.2})``. Raises InvalidInput where an
     objective is in two classes, or none is to improve, or none may get worse; ``choose`` where one is in no class, or a

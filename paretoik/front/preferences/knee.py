@@ -18,13 +18,13 @@ from paretoik.front.ties import first_row
 class Knee:
     """The knee: the point from which any step costs the most beside what it gains.
 
-    Of two objectives the point farthest below the straight line between the ends of the front, in shares of the stored
-    ranges (Das 1999, "On characterizing the 'knee' of the Pareto curve based on normal-boundary intersection").
+    Of two objectives the point farthest below the straight line between the ends of the front, whatever the ranges (Das
+    1999, "On characterizing the 'knee' of the Pareto curve based on normal-boundary intersection").
     Of more the point with the largest least trade-off: exchanging p for q costs Σ max(0, Z_q − Z_p) in shares and gains
     Σ max(0, Z_p − Z_q); the least ratio of the two over all q is the least trade-off of p (Rachmawati and Srinivasan
-    2009, IEEE Trans. Evolutionary Computation 13(4), μ(x_i, S)). It is below 1 where some exchange gains more than it
-    costs; among many points near ones do, so that the ratio tells more beside those of the other points than by itself.
-    A point that is the best in every objective, rounding aside, is the knee.
+    2009, IEEE Trans. Evolutionary Computation 13(4), μ(x_i, S)). Where points are dense the nearest exchange gains
+    about what it costs, so that ratios are near 1 or below: the knee has the largest, whatever its size. A point that
+    is the best in every objective, rounding aside, is the knee.
 
     ``choose`` raises InvalidInput where there is no knee: of one objective, and of two where no point lies below the
     line (a straight or hollow front).

@@ -26,8 +26,8 @@ class Weights:
     the best first objective, then the lowest id. The weights have no unit and need not sum to anything:
     ``Weights(kinetic_energy=0.3, torque_norm=0.7)``, or a mapping where a name is no identifier.
 
-    Weights reach points on the convex hull of the front alone, and the reason says how many others there are;
-    ``Aspiration`` reaches every point.
+    Weights reach points on the convex hull of the front alone, and the reason says how many others there are, which
+    ``Aspiration`` can reach.
 
     Raises InvalidInput where a weight is no finite number of at least 0, none is positive, or a name comes twice.
     """
@@ -94,4 +94,4 @@ def _unreached(front: Front, row: int, unreached: list[int]) -> str:
     text = f"No weights at all reach {len(unreached)} of the points, which lie above straight lines between others"
     if near:
         text += f", among them its neighbour{'s' * (len(near) > 1)} {list_words(list(map(str, near)))}"
-    return f"{text}; an aspiration reaches them."
+    return f"{text}; an aspiration can reach them."

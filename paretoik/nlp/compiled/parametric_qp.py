@@ -32,7 +32,7 @@ from paretoik.nlp.compiled.working_set import (
     update_working_set,
 )
 
-MANY = 1 << 30  # changes: the matrix is to be factorised anew
+MANY = 1 << 30  # changes: so many that the matrix is factorised anew
 
 
 class QpOptions(NamedTuple):
@@ -51,7 +51,7 @@ class QpOptions(NamedTuple):
 
 
 class QpWay(NamedTuple):
-    """Where the optimum is, how data change, and how it moves; ``position`` of constraints in the working set."""
+    """Where the optimum is, how data change, and how it moves."""
 
     step: np.ndarray
     multipliers: np.ndarray

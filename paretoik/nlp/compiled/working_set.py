@@ -86,7 +86,7 @@ def allocate_working_set(n, band, border, constraints, updates):
 def factorise_working_set(program, work, multipliers, first, scale):
     """Factorise K of the active rows, those with a multiplier the ``first`` time; return whether it is definite.
 
-    Where H is flat along them it is regularised, from then on: nothing moves that way by itself.
+    Where H is flat along them it is regularised from then on: nothing moves that way by itself.
     """
     count, largest = 0, 0.0
     for i in range(len(multipliers)):
@@ -98,7 +98,7 @@ def factorise_working_set(program, work, multipliers, first, scale):
         return False
     for i in range(len(program.A)):
         largest = max(largest, abs(program.A[i, 0]) / scale)
-    largest = largest if largest > 0.0 else 1.0
+    largest += largest == 0.0
     work.counts[0], work.counts[1] = 0, 0
     for which in range(FLAT if work.counts[3] else 0, len(STIFFNESS)):
         rho, delta = STIFFNESS[which] * largest, REGULARISATION * largest if which == FLAT else 0.0
@@ -116,9 +116,8 @@ def _factorise(program, work, rho, delta, is_full, scale):
     """Factorise K with ``delta`` on its diagonal, banded or dense; return whether it is positive definite."""
     size, band = program.A.shape
     matrix, border = work.full if is_full else work.A, len(program.C)
-    clear(matrix)
-    clear(work.B)
-    clear(work.C)
+    for part in (matrix, work.B, work.C):
+        clear(part)
     for i in range(size):
         for d in range(min(band, i + 1)):
             matrix[i, d] = program.A[i, d] / scale
@@ -251,7 +250,7 @@ def is_definite_without(work, row):
     """Return whether curvature stays positive without an active row, by Haynsworth's inertia formula."""
     place = work.position[row]
     for w in range(work.counts[0]):
-        work.right[w] = 1.0 if w == place else 0.0
+        work.right[w] = w == place
     solve_lu(work.factors, work.exchanges, work.counts[0], work.right)
     return work.right[place] - work.stiffness[place] > CURVATURE * work.stiffness[place]
 

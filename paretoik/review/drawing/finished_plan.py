@@ -44,8 +44,7 @@ class FinishedPlan:
 
     def log(self, stream: rr.RecordingStream) -> None:
         """Draw everything."""
-        if self._motions is None:
-            return
+        assert self._motions is not None, "a level or an end has an optimum"
         self._layout.legend.log(stream)
         self._panel.log(stream)
         self._motions.log(stream)

@@ -54,7 +54,7 @@ class ParallelAxes:
             words.append(self.labels[axis])
             last = self._x[-1] + 0.8 * TEXT.left - 0.5 * text_width(words[-1])
             middle = min(max(x, 0.5 * text_width(words[-1]) - 0.85 * TEXT.left), last) if len(self._x) > 1 else x
-            places.append((middle, -0.7 * TEXT.line - self._stagger * (axis % 2)))
+            places.append((middle, -0.95 * TEXT.line - self._stagger * (axis % 2)))
         grid = rr.LineStrips2D(strips, colors=SCREEN.frame, radii=rr.Radius.ui_points(0.8), draw_order=3.0)
         recording.log(f"{self.entity}/axes/lines", grid, static=static)
         recording.log(f"{self.entity}/axes/labels", labels(words, np.array(places)), static=static)

@@ -13,12 +13,11 @@ from jaxtyping import Float
 
 from paretoik.arrays import Values
 from paretoik.review.drawing.drawn_axes import TEXT, Canvas, labels, window
+from paretoik.review.drawing_options import DRAWING
 from paretoik.review.palette import SCREEN, Colour, screen_label
 from paretoik.review.recording.planned import PlannedLevel, PlannedOptimum, PlannedScene
 
 ENTITY = "objective"
-FAR = 0.9  # quantile of what starts led to: what is worse is not looked at
-SHOWN = 12  # final optima beside each other
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -76,7 +75,7 @@ class PlanPanel:
 
     def log_optimum(self, recording: rr.RecordingStream, place: int) -> None:
         """Mark a final optimum by its place."""
-        where = self._places[min(place, SHOWN - 1), None]
+        where = self._places[min(place, DRAWING.optima - 1), None]
         value = np.array([self.optima[place].point.objectives[0]])
         self._log_points(recording, "best", where, value, SCREEN.chosen, 6.5, 4.0)
 
@@ -103,7 +102,11 @@ class PlanPanel:
         """Where the panel is drawn."""
         optima = np.concatenate([self._final, *(level.optima[:1] for level in self.levels)])
         reached = self.ends[np.isfinite(self.ends)]
-        far = np.quantile(reached, FAR if not self.scene.maximised else 1 - FAR) if len(reached) else None
+        far = (
+            np.quantile(reached, DRAWING.near if not self.scene.maximised else 1 - DRAWING.near)
+            if len(reached)
+            else None
+        )
         seen = np.concatenate([optima, [] if far is None else [far]])
         seen = seen[np.isfinite(seen)] if np.isfinite(seen).any() else self.starts[np.isfinite(self.starts)]
         seen = seen if len(seen) else np.zeros(1)
@@ -123,7 +126,7 @@ class PlanPanel:
 
     @property
     def _final(self) -> Values:
-        return np.array([each.point.objectives[0] for each in self.optima[:SHOWN]], dtype=float)
+        return np.array([each.point.objectives[0] for each in self.optima[: DRAWING.optima]], dtype=float)
 
     @property
     def _end(self) -> float:

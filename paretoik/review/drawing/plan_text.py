@@ -9,9 +9,8 @@ import numpy as np
 from paretoik.review.drawing.plan_panel import PlanPanel
 from paretoik.review.drawing.point_text import run_text
 from paretoik.review.drawing.screen_text import screen_text
+from paretoik.review.drawing_options import DRAWING
 from paretoik.review.recording.planned import PlanEnd, PlannedLevel, PlannedOptimum, PlannedScene
-
-LISTED = 12  # optima in a list
 
 
 def level_text(panel: PlanPanel, level: PlannedLevel) -> str:
@@ -26,7 +25,7 @@ def level_text(panel: PlanPanel, level: PlannedLevel) -> str:
     if beyond := panel.beyond(level):
         lines.append(f"{_count(beyond, 'start')} too far off for the picture: drawn at its edge.")
     lines += ["", "## Optima of the level", ""]
-    for place, value in enumerate(level.optima[:LISTED]):
+    for place, value in enumerate(level.optima[: DRAWING.optima]):
         hits = int((motions.optimum == place).sum())
         lines.append(f"- {place}: {_value(scene, value)}, from {_count(hits, 'start')}")
     lines += _further(len(level.optima))
@@ -59,9 +58,11 @@ def optimum_text(scene: PlannedScene, optima: Sequence[PlannedOptimum], place: i
         f"# Optimum {place} of {len(optima)}" + (", the best" if place == 0 else ""),
         f"- **{scene.name}**{', more is better' if scene.maximised else ''}: {_value(scene, value)}"
         + (f", {abs(value - least) / max(abs(least), 1e-300):.2%} worse than the best" if place else ""),
-        f"- branch {optimum.branch}" if optimum.branch else "",
+        f"- branch {_branch(optimum)}" if optimum.branch else "",
         f"- {optimum.status} (local)",
-        f"- violation {optimum.violation_between:.2g} of a limit's range on a finer grid",
+        f"- violation {optimum.violation_between:.2g} of a limit's range on a finer grid"
+        if np.isfinite(optimum.violation_between)
+        else "- leaves its path between the samples",
     ]
     return screen_text("\n".join(line for line in lines if line))
 
@@ -70,14 +71,18 @@ def plan_end_text(scene: PlannedScene, end: PlanEnd) -> str:
     """Return what is to be known of a plan."""
     lines = [optimum_text(scene, end.optima, 0), "", "## Optima", ""]
     lines += [
-        f"- {place}: {_value(scene, each.point.objectives[0])}" + (f", {each.branch}" if each.branch else "")
-        for place, each in enumerate(end.optima[:LISTED])
+        f"- {place}: {_value(scene, each.point.objectives[0])}" + (f", {_branch(each)}" if each.branch else "")
+        for place, each in enumerate(end.optima[: DRAWING.optima])
     ]
     return screen_text("\n".join([*lines, *_further(len(end.optima)), "", run_text(end.provenance)]))
 
 
+def _branch(optimum: PlannedOptimum) -> str:
+    return f"`{optimum.branch}`"  # as it is: Markdown strikes out what stands between tildes
+
+
 def _further(count: int) -> list[str]:
-    return [f"- and {count - LISTED} more"] if count > LISTED else []
+    return [f"- and {count - DRAWING.optima} more"] if count > DRAWING.optima else []
 
 
 def _value(scene: PlannedScene, value: float) -> str:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from paretoik.errors import InvalidInput
+from paretoik.errors import Infeasible, InvalidInput
 from paretoik.front.compromise import Compromise
 from paretoik.front.front import Front, Preference
 from paretoik.front.preferences import Aspiration, Bounds, Classify, Lexicographic, Robust, Weights
@@ -121,6 +121,28 @@ def test_bounds_choose_what_the_named_preference_does_of_the_points_within_on_th
         assert choice.id == then.choose(part).id
         assert front.ids[choice.index] == choice.id
         assert (part.ranges == front.ranges).all()
+
+
+@pytest.mark.parametrize("block", range(4))
+def test_who_aspires_to_a_point_that_gains_a_ten_thousandth_gets_it(block):
+    reached = 0
+    for seed in range(block * 25, (block + 1) * 25):
+        front = random_front(seed, points=20)
+        for row, point in enumerate(front.shares):
+            gains = np.delete(front.shares, row, axis=0) - point
+            if (gains.max(axis=1) >= 1e-4 * np.maximum(-gains, 0.0).sum(axis=1) + 1e-8).all():
+                wish = dict(zip(front.names, front.objectives[row].tolist(), strict=True))
+                assert Aspiration(wish).choose(front).id == front.ids[row]
+                reached += 1
+    assert reached > 50
+
+
+def test_where_all_points_have_one_value_a_bound_is_missed_by_a_share_of_it():
+    front = Front(
+        ids=np.arange(1), objectives=np.array([[1.0, 2.0]]), names=["f", "g"], units=["J", ""], maximised=[False] * 2
+    )
+    with pytest.raises(Infeasible, match=r"f 1 misses it by 0.5 J \(50% of the value that all have\)"):
+        front.select(Bounds(f=(None, 0.5)))
 
 
 def in_other_units(front: Front, scale: np.ndarray, offset: np.ndarray) -> Front:

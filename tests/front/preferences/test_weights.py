@@ -109,7 +109,7 @@ def test_the_verdict_says_what_was_weighed_and_which_points_no_weights_reach():
     assert hollow.select(Weights(energy=1.0)).verdict == (
         "Of 3 points point 1 has the least weighted sum, 0, of what objectives give up of their ranges (energy 100%). "
         "Without a weight, torque decided only between equal sums. No weights at all reach 1 of the points, which lie "
-        "above straight lines between others, among them its neighbour 2; an aspiration reaches them."
+        "above straight lines between others, among them its neighbour 2; an aspiration can reach them."
     )
 
 

@@ -146,3 +146,31 @@ def test_a_linear_program_is_followed_to_its_vertex(seed):
     H, g, A, c = chain(seed)
     guess = np.concatenate([g.clip(0), (-g).clip(0), np.zeros(len(g) - 1)])
     assert_optimal(solved(0 * H, g, A, c, guess), 0 * H, g, A, c)
+
+
+def degenerate(seed):
+    """A program without positive curvature everywhere, of whose constraints several meet at the first point."""
+    rng = np.random.default_rng(seed)
+    columns, rows = int(rng.integers(2, 7)), int(rng.integers(1, 16))
+    root = rng.normal(size=(columns, columns))
+    H = root + root.T if seed % 2 else root[:, :1] @ root[:, :1].T  # indefinite, or of rank one
+    A = rng.integers(-2, 3, size=(rows, columns)).astype(float)
+    A[~A.any(axis=1), 0] = 1.0
+    return H, rng.normal(size=columns), A, np.abs(rng.normal(size=rows)) * (rng.random(rows) > 0.5)
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.integers(0, 10**6))
+def test_no_answer_is_a_saddle(seed):
+    H, g, A, c = degenerate(seed)
+    solution = solved(H, g, A, c, guess(seed, A))
+    assert np.isfinite(solution.step).all()
+    if solution.share == 1.0:
+        active = A[solution.multipliers > 0.0]
+        tangents = np.linalg.svd(active)[2][len(active) :].T if len(active) else np.eye(len(g))
+        assert np.linalg.eigvalsh(tangents.T @ H @ tangents).min(initial=0.0) >= -1e-9 * np.abs(H).max()
+
+
+def test_two_directions_of_negative_curvature_are_no_minimum():
+    solution = solved(-np.eye(2), np.array([1.0, 0.5]), np.zeros((0, 2)), np.zeros(0), np.zeros(0))
+    assert solution.share == 0.0

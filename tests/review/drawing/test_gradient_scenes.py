@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import os
+import signal
+
 import numpy as np
 import pytest
 
 import paretoik as pk
+from tests.review.children import children
 from tests.review.reading import blank_views, last_text, missing_entities, read, rows, static_words
 
 SECOND = 1_000_000_000  # durations are nanoseconds
@@ -83,7 +87,9 @@ def test_a_plan_ends_on_its_optima_and_its_best_moves(plan):
         series = rows(entities[f"/joints/{kind}"], "motion", "scalars")
         assert sorted(series) == np.round(time * SECOND).astype(int).tolist()
         np.testing.assert_array_equal(np.stack([series[at] for at in sorted(series)]), getattr(found.best.motion, name))
-    assert f"# Optimum 0 of {len(found.optima)}, the best" in last_text(entities["/text"], "level", 9)
+    words = last_text(entities["/text"], "level", 9)
+    assert words.startswith(f"# Optimum 0 of {len(found.optima)}, the best")
+    assert f"`{found.best.label}`" in words
 
 
 def test_every_start_of_a_plan_leads_to_what_is_drawn_of_it(plan):
@@ -115,6 +121,22 @@ def test_a_plan_that_finds_nothing_leaves_a_recording_that_opens(tmp_path):
     with pytest.raises(pk.Infeasible):
         pk.plan(walled, starts=2, out=tmp_path)
     assert "/text" in read(tmp_path / "review.rrd")
+
+
+def test_a_plan_whose_recording_fails_is_whole(tmp_path):
+    one = problem(pk.kinetic_energy, samples=26)
+
+    def kill(progress) -> None:
+        if progress.stage == "sample":
+            for child in children(os.getpid()):
+                os.kill(child, signal.SIGKILL)
+
+    with pytest.warns(RuntimeWarning, match="recording stopped, the run goes on"):
+        found = pk.plan(one, starts=4, out=tmp_path, observe=kill)
+    again = pk.load_plan(tmp_path, one)
+    assert [each.objective for each in again.optima] == [each.objective for each in found.optima]
+    alone = pk.plan(one, starts=4, observe=False)
+    assert [each.objective for each in alone.optima] == [each.objective for each in found.optima]
 
 
 @pytest.fixture(scope="module")
