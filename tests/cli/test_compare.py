@@ -28,11 +28,12 @@ def test_the_merged_front_replaces_none_of_those_that_are_compared(paretoik, fin
 def test_a_picture_replaces_a_picture_and_nothing_else_unless_told(paretoik, finished, tmp_path):
     picture = tmp_path / "fronts.png"
     picture.write_text("mine")
-    words, choices = ("compare", finished, finished, "--picture"), len(pk.load_front(finished).choices)
+    choices = pk.load_front(finished).choices
+    words = "compare", finished, finished, "--picture"
     for file in (picture, finished / "run.json", finished):
         assert paretoik(*words, file).code == 2
     assert paretoik("select", finished, "--knee", "--picture", picture).code == 2
-    assert len(pk.load_front(finished).choices) == choices
+    assert pk.load_front(finished).choices == choices
     assert picture.read_text() == "mine"
     assert paretoik(*words, picture, "--overwrite").code == 0
     assert paretoik(*words, picture).code == 0

@@ -91,9 +91,10 @@ def test_the_present_choice_is_written_where_no_point_is_named(paretoik, finishe
         (("--point", "FIRST", "--rate", "50", "--joints", "a,b"), "got 'a', which is none of them"),
     ],
 )
-def test_bad_input_is_one_line_and_exit_code_2(paretoik, finished, words, said):
-    first = str(load_front(finished).ids[0])
-    ended = paretoik("export", finished, *(first if word == "FIRST" else word for word in words))
+def test_bad_input_is_one_line_and_exit_code_2(paretoik, finished, tmp_path, words, said):
+    run = shutil.copytree(finished, tmp_path / "run", ignore=shutil.ignore_patterns("choices.json"))
+    first = str(load_front(run).ids[0])
+    ended = paretoik("export", run, *(first if word == "FIRST" else word for word in words))
     assert ended.code == 2
     assert said in ended.err
     assert len(ended.err.strip().splitlines()) == 1
