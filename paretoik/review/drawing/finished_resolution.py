@@ -17,7 +17,7 @@ from paretoik.review.drawing.legend import Legend
 from paretoik.review.drawing.legend_entries import resolution_entries
 from paretoik.review.drawing.motion_scene import MotionScene
 from paretoik.review.drawing.recording_layout import TEXT, Layout, note_view, text_view
-from paretoik.review.drawing.resolution_text import motion_text, step_text
+from paretoik.review.drawing.resolution_text import damping_unit, motion_text, speed_unit, step_text
 from paretoik.review.drawing.search_charts import DrawnChart
 from paretoik.review.drawing_options import DRAWING
 from paretoik.review.palette import SCREEN, Colour
@@ -136,9 +136,15 @@ class FinishedResolution:
             "error", f"log10 of the task error [{unit}]", [_logarithm(each.error) for each in shown], [tolerance]
         )
         error = replace(error[0], total=VIEW), error[1], error[2]
-        speed = self._chart("speed", "commanded joint speed [rad/s, m/s]", [_steps(each.speed) for each in shown])
+        speeds, damping = speed_unit(self.scene.workcell.arm), damping_unit(self.scene)
+        speed = self._chart(
+            "speed", f"commanded joint speed, all joints [{speeds}]", [_steps(each.speed) for each in shown]
+        )
         charts = [error, speed]
-        for name, label in (("damping", "damping"), ("repulsion", "joint speed away from limits [rad/s, m/s]")):
+        for name, label in (
+            ("damping", f"damping [{damping}]"),
+            ("repulsion", f"joint speed away from limits [{speeds}]"),
+        ):
             curves = [_steps(getattr(each, name)) for each in shown]
             if any(np.nanmax(np.abs(curve), initial=0.0) > 0 for curve in curves):
                 charts.append(self._chart(name, label, curves))
@@ -161,7 +167,7 @@ class FinishedResolution:
             return None
         motions = self.end.motions
         shown = [np.stack([each.time, _steps(curve)], axis=1) for each in motions for curve in each.criteria.T]
-        label = "joint speed from criteria [rad/s, m/s]"
+        label = f"speed from criteria [{speed_unit(self.scene.workcell.arm)}]"
         return Chart(
             entity="charts/criteria",
             title=label,
