@@ -32,10 +32,11 @@ def plan_entries(motions: MotionScene | None) -> list[Entry]:
         ("start", SCREEN.population),
         ("what it led to", SCREEN.front),
         ("start that led to no optimum", SCREEN.failed),
-        ("best", SCREEN.chosen),
+        ("best, of a level or in the end", SCREEN.chosen),
+        ("optimum looked at", SCREEN.compared),
         ("values of the optima", SCREEN.final),
     ]
-    arms = [] if motions is None else [*motion_entries(motions, "best"), ("arm of the start", SCREEN.end(0))]
+    arms = [] if motions is None else [*motion_entries(motions, "best"), ("arm of the start looked at", SCREEN.end(0))]
     return entries + arms
 
 

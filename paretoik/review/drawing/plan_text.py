@@ -24,6 +24,8 @@ def level_text(panel: PlanPanel, level: PlannedLevel) -> str:
     ]
     if beyond := panel.beyond(level):
         lines.append(f"{_count(beyond, 'start')} too far off for the picture: drawn at its edge.")
+    if len(panel.levels) > 1:
+        lines.append("Values of different levels are not comparable: a motion of other samples has another value.")
     lines += ["", "## Optima of the level", ""]
     for place, value in enumerate(level.optima[: DRAWING.optima]):
         hits = int((motions.optimum == place).sum())
@@ -36,7 +38,7 @@ def start_text(scene: PlannedScene, level: PlannedLevel, row: int) -> str:
     """Return what is to be known of the start of a level at a row."""
     optimum = int(level.motions.optimum[row])
     lines = [
-        f"# Start {row + 1} of {len(level.starts)}, {level.samples} samples",
+        f"# Start {row + 1} of the {len(level.starts)} of level {level.number}, {level.samples} samples",
         f"- begins with {_value(scene, level.starts[row])}",
     ]
     if np.isfinite(level.ends[row]):
@@ -50,12 +52,12 @@ def start_text(scene: PlannedScene, level: PlannedLevel, row: int) -> str:
     return screen_text("\n".join(lines))
 
 
-def optimum_text(scene: PlannedScene, optima: Sequence[PlannedOptimum], place: int) -> str:
-    """Return what is to be known of a final optimum."""
+def optimum_text(scene: PlannedScene, optima: Sequence[PlannedOptimum], place: int, count: int) -> str:
+    """Return what is to be known of a final optimum, of ``count`` in all."""
     optimum, best = optima[place], optima[0]
     value, least = float(optimum.point.objectives[0]), float(best.point.objectives[0])
     lines = [
-        f"# Optimum {place} of {len(optima)}" + (", the best" if place == 0 else ""),
+        f"# Optimum {place} ({place + 1} of {count})" + (", the best" if place == 0 else ""),
         f"- **{scene.name}**{', more is better' if scene.maximised else ''}: {_value(scene, value)}"
         + (f", {abs(value - least) / max(abs(least), 1e-300):.2%} worse than the best" if place else ""),
         f"- branch {_branch(optimum)}" if optimum.branch else "",
@@ -69,7 +71,7 @@ def optimum_text(scene: PlannedScene, optima: Sequence[PlannedOptimum], place: i
 
 def plan_end_text(scene: PlannedScene, end: PlanEnd) -> str:
     """Return what is to be known of a plan."""
-    lines = [optimum_text(scene, end.optima, 0), "", "## Optima", ""]
+    lines = [optimum_text(scene, end.optima, 0, len(end.optima)), "", "## Optima", ""]
     lines += [
         f"- {place}: {_value(scene, each.point.objectives[0])}" + (f", {_branch(each)}" if each.branch else "")
         for place, each in enumerate(end.optima[: DRAWING.optima])

@@ -10,7 +10,7 @@ import pytest
 
 import paretoik as pk
 from tests.review.children import children
-from tests.review.reading import blank_views, last_text, missing_entities, read, rows, static_words
+from tests.review.reading import blank_views, last_text, missing_entities, read, rows, static_values, static_words
 
 SECOND = 1_000_000_000  # durations are nanoseconds
 
@@ -74,7 +74,13 @@ def test_everything_of_the_checklist_is_there_at_every_instant_of_a_plan(plan):
     for chart in LIMITS:
         assert f"{chart}/limits" in entities or f"{chart}/limits_beyond" in entities
     assert static_words(entities["/objective/labels"])[-1] == "kinetic_energy [J s]"
-    assert {"● start", "● best", "● obstacle", "● limits: dashed"} <= set(static_words(entities["/legend/words"]))
+    assert {
+        "● start",
+        "● best, of a level or in the end",
+        "● optimum looked at",
+        "● obstacle",
+        "● limits: dashed",
+    } <= set(static_words(entities["/legend/words"]))
 
 
 def test_a_plan_ends_on_its_optima_and_its_best_moves(plan):
@@ -88,8 +94,34 @@ def test_a_plan_ends_on_its_optima_and_its_best_moves(plan):
         assert sorted(series) == np.round(time * SECOND).astype(int).tolist()
         np.testing.assert_array_equal(np.stack([series[at] for at in sorted(series)]), getattr(found.best.motion, name))
     words = last_text(entities["/text"], "level", 9)
-    assert words.startswith(f"# Optimum 0 of {len(found.optima)}, the best")
+    assert words.startswith(f"# Optimum 0 (1 of {len(found.optima)}), the best")
     assert f"`{found.best.label}`" in words
+
+
+def test_the_cursor_of_a_plan_stands_on_its_level_and_ticks_are_whole(plan):
+    entities = read(plan[2])
+    for chart in ("best", "distinct"):
+        words = static_words(entities[f"/charts/{chart}/labels"])
+        across = words[: words.index("level")]
+        assert across == [str(number) for number in range(len(across))]
+        labels = static_values(entities[f"/charts/{chart}/labels"], "positions")[: len(across)]
+        cursors = rows(entities[f"/charts/{chart}/cursor"], "level", "strips")
+        for number, (x, _) in enumerate(labels):
+            np.testing.assert_allclose([place[0] for place in cursors[number][0]], x, atol=1e-3)
+    assert "not comparable" in last_text(entities["/text"], "level", 0)
+
+
+def test_best_is_the_best_while_another_optimum_is_looked_at(plan, tmp_path):
+    found, _, file = plan
+    several = found if len(found.optima) > 1 else pk.plan(problem(pk.kinetic_energy), starts=12, out=tmp_path)
+    entities = read(file if several is found else tmp_path / "review.rrd")
+    best = rows(entities["/objective/best"], "optimum", "labels")
+    seen = rows(entities["/objective/looked_at"], "optimum", "labels")
+    assert list(best) == [0]  # it is marked once and stays
+    assert best[0].tolist() == ["best"]
+    assert {place: words.tolist() for place, words in seen.items() if len(words)} == {
+        place: [f"optimum {place}"] for place in range(1, len(several.optima))
+    }
 
 
 def test_every_start_of_a_plan_leads_to_what_is_drawn_of_it(plan):
