@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import paretoik as pk
+from paretoik.front.compromise import compromise
 from tests.review.children import children
 from tests.review.reading import blank_views, last_text, missing_entities, read, rows, static_values, static_words
 
@@ -94,6 +95,7 @@ def test_a_plan_ends_on_its_optima_and_its_best_moves(plan):
         assert sorted(series) == np.round(time * SECOND).astype(int).tolist()
         np.testing.assert_array_equal(np.stack([series[at] for at in sorted(series)]), getattr(found.best.motion, name))
     words = last_text(entities["/text"], "level", 9)
+    assert f"All levels together had {sum(plan[1])} starts." in words
     assert words.startswith(f"# Optimum 0 (1 of {len(found.optima)}), the best")
     assert f"`{found.best.label}`" in words
 
@@ -216,6 +218,31 @@ def test_an_epsilon_front_has_everything_of_the_checklist_at_every_level(fronts)
     bounds = rows(entities[f"{PANEL}/epsilon"], "level", "labels")
     assert any(str(each[0]).startswith("ε: ") for each in bounds.values() if len(each))
     assert "● ε: bound of this level" in static_words(entities["/legend/words"])
+
+
+def test_a_point_looked_at_is_marked_beside_the_compromise_which_stays_where_it_is(fronts):
+    folder, front, _, _ = fronts
+    entities = read(folder / "front" / "review.rrd")
+    seen = rows(entities[f"{PANEL}/looked_at"], "point", "labels")
+    assert [seen[place].tolist() for place in range(len(front))] == [[f"point {number}"] for number in front.ids]
+    chosen = rows(entities[f"{PANEL}/chosen"], "point", "labels")
+    assert {place: words.tolist() for place, words in chosen.items()} == {0: [f"point {compromise(front).id}"]}
+    assert list(rows(entities[f"{PANEL}/ends"], "point", "positions")) == [0]
+    words = static_words(entities["/legend/words"])
+    assert {"● point looked at", "● arm of the compromise, or of the point looked at"} <= set(words)
+
+
+def test_points_of_a_level_are_named_by_it_as_the_final_front_numbers_anew(fronts):
+    folder, front, _, _ = fronts
+    entities = read(folder / "front" / "review.rrd")
+    texts = rows(entities["/text"], "level", "text")
+    names = rows(entities[f"{PANEL}/chosen"], "level", "labels")
+    last = max(names)
+    assert names[last].tolist() == [f"point {compromise(front).id}"]
+    for level in set(names) - {last}:
+        (name,) = names[level].tolist()
+        assert name.endswith(f" of level {level}")
+        assert f"{name} (the final front numbers its points anew)" in str(texts[level][0])
 
 
 def test_a_refinement_shows_before_and_after_and_where_points_came_from(fronts):
