@@ -132,9 +132,9 @@ class FinishedResolution:
         shown, unit = [self.end.motions[0], *self._beside], self.scene.error_unit
         kept = np.log10(max(self.scene.tolerance, SMALLEST))
         tolerance = self._limit(kept, "tolerance" if len(shown) > 1 else "", SCREEN.limit)
-        error = self._chart(
-            "error", f"log10 of the task error [{unit}]", [_logarithm(each.error) for each in shown], [tolerance]
-        )
+        errors = [_logarithm(each.error) for each in shown]
+        moving = [np.append(curve[1:2], curve[1:]) for curve in errors]  # at its start an arm is often exact
+        error = self._chart("error", f"log10 of the task error [{unit}]", errors, [tolerance], moving)
         error = replace(error[0], total=VIEW), error[1], error[2]
         speeds, damping = speed_unit(self.scene.workcell.arm), damping_unit(self.scene)
         speed = self._chart(
@@ -183,14 +183,20 @@ class FinishedResolution:
         return [*(chart for chart, _, _ in self._charts), *own]
 
     def _chart(
-        self, name: str, label: str, curves: Sequence[np.ndarray], limits: Sequence[LimitLine] = ()
+        self,
+        name: str,
+        label: str,
+        curves: Sequence[np.ndarray],
+        limits: Sequence[LimitLine] = (),
+        seen: Sequence[np.ndarray] | None = None,
     ) -> DrawnChart:
+        """Return a chart with a curve a motion, on axes that hold those or what is to be ``seen`` of them."""
         time = self.end.motions[0].time
         chart = Chart(
             entity=f"charts/{name}",
             title=label,
             labels=("time [s]", label),
-            shown=np.concatenate([np.stack([time, curve], axis=1) for curve in curves]),
+            shown=np.concatenate([np.stack([time, curve], axis=1) for curve in (curves if seen is None else seen)]),
             names=[each.name for each in (self.end.motions[0], *self._beside)],
             colours=[SCREEN.chosen, *(SCREEN.end(axis) for axis in range(len(self._beside)))],
             limits=limits,

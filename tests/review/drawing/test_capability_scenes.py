@@ -100,6 +100,17 @@ def test_a_resolved_motion_that_keeps_its_limits_is_said_to(tmp_path):
     assert "broken" not in words
 
 
+def test_the_exact_start_of_a_motion_does_not_stretch_the_axis_of_errors(tmp_path):
+    method = pk.methods.PseudoInverse()
+    motion = pk.resolve(pk.arms.tringali_3r(), PATH, method, start=START, unreachable="track", out=tmp_path)
+    entities = read(tmp_path / "review.rrd")
+    ticks = [float(word) for word in static_words(entities["/charts/error/labels"]) if word.strip("-.").isdigit()]
+    errors = np.log10(np.abs(motion.traces.errors).max(axis=-1)[1:])
+    assert min(ticks) > errors.min() - 1.0
+    legend = static_words(entities["/legend/words"])
+    assert "● error from which the path counts as lost: dashed" in legend
+
+
 def test_of_many_motions_some_are_shown_and_a_note_says_so(tmp_path):
     starts = np.array(START) + np.linspace(0.0, 1e-7, 70)[:, None]
     pk.resolve(pk.arms.tringali_3r(), PATH, pk.methods.PseudoInverse(), start=starts, unreachable="track", out=tmp_path)
@@ -139,6 +150,9 @@ def test_directional_maxima_grow_direction_by_direction(tmp_path, quantity):
     assert f"/charts/{limited}/limits" in entities
     unit = "m/s" if quantity == "velocity" else "N"
     words = str(rows(entities["/text"], "direction", "text")[3][0])
+    legend = static_words(entities["/legend/words"])
+    assert "● what motors allow: dashed" in legend
+    assert ("● limits: dashed" in legend) == ("/charts/position/limits" in entities)
     assert f"{polygon.values[2]:.4g} {unit}" in words
     assert any(word.endswith(f"[{unit}]") for word in static_words(entities["/maxima/axes/labels"]))
 
@@ -153,6 +167,8 @@ def test_maxima_in_space_are_rays_on_axes_of_speed(tmp_path):
     instants = {"direction": (1, 3)}
     assert not blank_views(file, instants)
     assert not missing_entities(file, [path for path in MAXIMA if path != "/maxima/axes/grid"], instants)
+    texts = rows(read(file)["/text"], "direction", "text").values()
+    assert all("e-" not in line for text in texts for line in str(text[0]).split("## Run")[0].splitlines())
     words = static_words(read(file)["/maxima/axes/labels"])
     assert [f"{axis} [m/s]" for axis in "xyz"] == words[-3:]
     assert "/maxima" in views(file).values()
