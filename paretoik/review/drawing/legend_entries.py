@@ -29,7 +29,7 @@ def search_entries(
         entries += [("from before to after", SCREEN.moves)] if scene.timeline == "refinement" else []
         if len(scene.names) > 1:
             entries += [(f"best {name}", SCREEN.end(axis)) for axis, name in enumerate(scene.names)]
-        entries += [("point looked at", SCREEN.compared)] if walked else []
+        entries += [("point looked at", SCREEN.arm)] if walked else []
     if motions is None:
         return entries
     arm = f"arm of the {chosen}" if chosen == "compromise" else "arm"
@@ -43,7 +43,7 @@ def plan_entries(motions: MotionScene | None) -> list[Entry]:
         ("what it led to", SCREEN.front),
         ("start that led to no optimum", SCREEN.failed),
         ("best, of a level or in the end", SCREEN.chosen),
-        ("optimum looked at", SCREEN.compared),
+        ("optimum looked at", SCREEN.arm),
         ("values of the optima", SCREEN.final),
     ]
     arms = [] if motions is None else [*motion_entries(motions), ("arm of the start looked at", SCREEN.end(0))]

@@ -67,7 +67,7 @@ class PlanPanel:
             row = first + self._best(ends[first:])
             where, best = across[row, None], ends[row, None]
         self._log_points(recording, "best", where, best, SCREEN.chosen, 6.5, 4.0, ["best"])
-        self._log_points(recording, "looked_at", np.zeros(0), np.zeros(0), SCREEN.compared, 6.5, 4.5)
+        self._log_points(recording, "looked_at", np.zeros(0), np.zeros(0), SCREEN.arm, 6.5, 4.5)
 
     def log_start(self, recording: rr.RecordingStream, number: int) -> None:
         """Mark a start by its number, from 1, and what it led to."""
@@ -79,11 +79,11 @@ class PlanPanel:
     def log_optimum(self, recording: rr.RecordingStream, place: int) -> None:
         """Mark a final optimum that is looked at by its place; the best, which is marked anyway, stays the best."""
         if place == 0:
-            self._log_points(recording, "looked_at", np.zeros(0), np.zeros(0), SCREEN.compared, 6.5, 4.5)
+            self._log_points(recording, "looked_at", np.zeros(0), np.zeros(0), SCREEN.arm, 6.5, 4.5)
             return
         where = self._places[min(place, DRAWING.optima - 1), None]
         value = np.array([self.optima[place].point.objectives[0]])
-        self._log_points(recording, "looked_at", where, value, SCREEN.compared, 6.5, 4.5, [f"optimum {place}"])
+        self._log_points(recording, "looked_at", where, value, SCREEN.arm, 6.5, 4.5, [f"optimum {place}"])
 
     @cached_property
     def starts(self) -> Values:

@@ -15,7 +15,7 @@ from paretoik.robot.arm import Arm
 from paretoik.task.limits import JOINT_UNITS
 
 STATUSES = {
-    "done": "done as the task wants",
+    "done": "done, neither damped nor cut short",
     "damped": "damped, near a singularity",
     "shortened": "shortened: whole, it would move a joint by more than 1 rad or 1 m",
     "held": "held: no velocities do what the task wants",

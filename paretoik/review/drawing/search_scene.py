@@ -30,7 +30,7 @@ LAYERS: dict[Layer, tuple[Colour, float, float]] = {  # colour, radius, which is
     "final": (SCREEN.final, 2.6, 0.5),
     "front": (SCREEN.front, 3.2, 2.0),
     "chosen": (SCREEN.chosen, 6.5, 4.0),
-    "looked_at": (SCREEN.compared, 4.0, 4.5),  # smaller, so that an end or a choice below it stays seen
+    "looked_at": (SCREEN.arm, 4.0, 4.5),  # as its arm; smaller, so that an end or a choice below it stays seen
     "choice": (SCREEN.chosen, 6.5, 4.0),
     "compared": (SCREEN.compared, 6.5, 3.5),
 }
@@ -214,7 +214,7 @@ class SearchScene:
         F = point.objectives[None]
         self.log_points(recording, "looked_at", F, canvases, ids=np.array([point.id]), named=True)
         if parallel is not None:
-            recording.log(f"{parallel.entity}/looked_at", parallel.lines(F, SCREEN.compared, 2.2, 5.0))
+            recording.log(f"{parallel.entity}/looked_at", parallel.lines(F, SCREEN.arm, 2.2, 5.0))
 
     def log_lines(
         self,

@@ -11,7 +11,7 @@ from paretoik.review.drawing.recorded_views import read_recorded
 from paretoik.review.recording.recorded_point import record_motion
 from problems.kim_2021 import directions_dam, point_to_point_dam
 from problems.marcos_2012 import loop
-from tests.review.reading import FRAME, blank_views, missing_entities, read, rows, shown, views
+from tests.review.reading import FRAME, blank_views, missing_entities, read, rows, shown, static_words, views
 
 SECOND = 1_000_000_000  # durations are nanoseconds
 
@@ -87,6 +87,9 @@ def test_everything_of_the_checklist_is_there_at_every_instant(run):
     wanted += ["/arm/directions"] * (name == "directions") + ["/arm/places"] * (
         name in ("directions", "point to point")
     )
+    legend = static_words(entities["/legend/words"])
+    assert ("● directions" in legend) == (name == "directions")
+    assert ("● position" in legend, "● places that count" in legend) == (name == "directions", name == "point to point")
     panels = {path.rsplit("/", 1)[0] for path in entities if path.startswith("/front/")}
     assert len(panels) == {2: 1, 3: 3}[len(front.names)]
     for panel in panels:
