@@ -24,12 +24,13 @@ from paretoik.review.palette import SCREEN, Colour, screen_label
 from paretoik.review.recording.recorded_point import RecordedPoint
 from paretoik.review.recording.recorder import Generation, Population
 
-Layer = Literal["population", "final", "front", "chosen", "choice", "compared"]
+Layer = Literal["population", "final", "front", "chosen", "looked_at", "choice", "compared"]
 LAYERS: dict[Layer, tuple[Colour, float, float]] = {  # colour, radius, which is drawn above which
     "population": (SCREEN.population, 2.2, 1.0),
     "final": (SCREEN.final, 2.6, 0.5),
     "front": (SCREEN.front, 3.2, 2.0),
     "chosen": (SCREEN.chosen, 6.5, 4.0),
+    "looked_at": (SCREEN.arm, 4.0, 4.5),  # as its arm; smaller, so that an end or a choice below it stays seen
     "choice": (SCREEN.chosen, 6.5, 4.0),
     "compared": (SCREEN.compared, 6.5, 3.5),
 }
@@ -113,7 +114,8 @@ class SearchScene:
         self._log_marks(recording, generation, canvases)
         if generation.chosen is not None:
             self.log_points(recording, "chosen", generation.chosen[None], canvases, reference=reference)
-        self.log_marked(recording, generation.points, canvases)
+        of = f" of level {generation.number}" if self.timeline == "level" else ""  # the final front numbers anew
+        self.log_marked(recording, generation.points, canvases, of=of)
         if parallel is not None:
             marked = [point.objectives for point in generation.points if point.axis is None]
             chosen = marked[0] if marked else generation.chosen
@@ -141,10 +143,13 @@ class SearchScene:
         *,
         ids: Ids | None = None,
         named: bool = False,
+        of: str = "",
         reference: Population | None = None,
         static: bool = False,
     ) -> None:
         """Draw points as a layer of every panel, normalised by the ranges of a ``reference`` front if there is one.
+
+        Where they are ``named``, by their ids, ``of`` says whose these are.
 
         Points outside a window are not drawn, but their numbers are kept with the others.
         """
@@ -157,7 +162,7 @@ class SearchScene:
                 canvas.place(pairwise[seen]),
                 colors=colour,
                 radii=rr.Radius.ui_points(radius),
-                labels=[f"point {number}" for number in ids[seen]] if named and ids is not None else None,
+                labels=[f"point {number}{of}" for number in ids[seen]] if named and ids is not None else None,
                 show_labels=order > 3.0 and pair == self.panels.pairs[0],
                 draw_order=order,
             )
@@ -168,9 +173,14 @@ class SearchScene:
             recording.log([*self.root, "search", layer], rr.AnyValues(**numbers), static=static)
 
     def log_marked(
-        self, recording: rr.RecordingStream, points: Sequence[RecordedPoint], canvases: Sequence[Canvas]
+        self,
+        recording: rr.RecordingStream,
+        points: Sequence[RecordedPoint],
+        canvases: Sequence[Canvas],
+        *,
+        of: str = "",
     ) -> None:
-        """Draw the best points of the objectives in their colours, and the chosen one."""
+        """Draw the best points of the objectives in their colours, and the chosen one; ``of``: whose ids they have."""
         ends = [point for point in points if point.axis is not None]
         for pair, canvas in self._panels(canvases):
             if not ends:
@@ -181,7 +191,9 @@ class SearchScene:
                 canvas.place(places[seen]),
                 colors=[SCREEN.end(ends[row].axis or 0) for row in seen],
                 radii=rr.Radius.ui_points(5.2),
-                labels=[f"point {ends[row].id}, best {screen_text(self.names[ends[row].axis or 0])}" for row in seen],
+                labels=[
+                    f"point {ends[row].id}{of}, best {screen_text(self.names[ends[row].axis or 0])}" for row in seen
+                ],
                 show_labels=False,
                 draw_order=3.0,
             )
@@ -189,7 +201,20 @@ class SearchScene:
         for point in points:
             if point.axis is None:
                 ids = np.array([point.id])
-                self.log_points(recording, "chosen", point.objectives[None], canvases, ids=ids, named=True)
+                self.log_points(recording, "chosen", point.objectives[None], canvases, ids=ids, named=True, of=of)
+
+    def log_looked_at(
+        self,
+        recording: rr.RecordingStream,
+        point: RecordedPoint,
+        canvases: Sequence[Canvas],
+        parallel: ParallelAxes | None,
+    ) -> None:
+        """Mark a point that is looked at, beside the chosen one and the best of the objectives."""
+        F = point.objectives[None]
+        self.log_points(recording, "looked_at", F, canvases, ids=np.array([point.id]), named=True)
+        if parallel is not None:
+            recording.log(f"{parallel.entity}/looked_at", parallel.lines(F, SCREEN.arm, 2.2, 5.0))
 
     def log_lines(
         self,
@@ -199,19 +224,22 @@ class SearchScene:
         chosen: Values | None,
         *,
         reference: Population | None = None,
-        front_too: bool = True,
     ) -> None:
         """Draw a front, and on top its chosen point, in parallel coordinates."""
         drawn = front if reference is None else _normalise(front, reference)
-        if front_too:
-            recording.log(f"{parallel.entity}/front", parallel.lines(drawn, SCREEN.lines, 0.6, 1.0))
+        recording.log(f"{parallel.entity}/front", parallel.lines(drawn, SCREEN.lines, 0.6, 1.0))
         if chosen is not None:
             row = chosen[None] if reference is None else _normalise(chosen[None], reference)
             recording.log(f"{parallel.entity}/chosen", parallel.lines(row, SCREEN.chosen, 2.2, 4.0))
 
     def label(self, axis: int) -> str:
         """Return the label of an objective."""
-        return screen_label(self.names[axis], self.units[axis], self.maximised[axis])
+        return screen_label(self.names[axis], self.units[axis] or "1", self.maximised[axis])
+
+    @property
+    def volume_unit(self) -> str:
+        """Unit of the hypervolume: the product of the objectives' units."""
+        return " · ".join(unit for unit in self.units if unit) or "1"
 
     def best(self, front: Objectives) -> Values:
         """Return the best value of each objective on a front of at least one point."""
@@ -234,8 +262,9 @@ def _escape(part: str) -> str:
 
 
 def _normalise(F: Objectives, reference: Population) -> Objectives:
+    """Return points as shares of the ranges of a front; in the middle where it has but one value, as all are best."""
     low, width = reference.min(axis=0), np.ptp(reference, axis=0)
-    normalised: Objectives = (F - low) / np.where(width > 0, width, 1.0)
+    normalised: Objectives = np.where(width > 0, (F - low) / np.where(width > 0, width, 1.0), 0.5)
     return normalised
 
 

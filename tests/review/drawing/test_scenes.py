@@ -11,7 +11,7 @@ from paretoik.review.drawing.recorded_views import read_recorded
 from paretoik.review.recording.recorded_point import record_motion
 from problems.kim_2021 import directions_dam, point_to_point_dam
 from problems.marcos_2012 import loop
-from tests.review.reading import FRAME, blank_views, missing_entities, read, rows, shown, views
+from tests.review.reading import FRAME, blank_views, missing_entities, read, rows, shown, static_words, views
 
 SECOND = 1_000_000_000  # durations are nanoseconds
 
@@ -87,6 +87,9 @@ def test_everything_of_the_checklist_is_there_at_every_instant(run):
     wanted += ["/arm/directions"] * (name == "directions") + ["/arm/places"] * (
         name in ("directions", "point to point")
     )
+    legend = static_words(entities["/legend/words"])
+    assert ("● directions" in legend) == (name == "directions")
+    assert ("● position" in legend, "● places that count" in legend) == (name == "directions", name == "point to point")
     panels = {path.rsplit("/", 1)[0] for path in entities if path.startswith("/front/")}
     assert len(panels) == {2: 1, 3: 3}[len(front.names)]
     for panel in panels:
@@ -109,6 +112,7 @@ def test_the_words_are_those_of_what_is_shown(run):
     assert str(by_generation[1][0]).startswith("# Generation 1\n")
     last = str(by_generation[max(by_generation)][0])
     assert "compromise" in last
+    assert " 1 points" not in last
     for name, unit in zip(front.names, front.units, strict=True):
         assert name in last
         assert unit in last
@@ -187,9 +191,16 @@ def test_a_closed_loop_opens_on_the_step_whose_search_was_recorded(tmp_path):
     for timeline, times in {"step": (0, 7, 30), "generation": (0, 5), "individual": (0, 3)}.items():
         for view, origin in views(file).items():
             for time in times:
-                if timeline == "step" and time == 0 and not origin.startswith(("/arm", "/step_7", "/joint", "/legend")):
+                if (
+                    timeline == "step"
+                    and time == 0
+                    and not origin.startswith(("/arm", "/step_7", "/joint", "/legend", "/text"))
+                ):
                     continue  # the first step is step 1
                 drawn = [path for path in shown(entities, origin, timeline, time) if not path.endswith(FRAME)]
                 assert drawn, (view, origin, timeline, time)
+    words = rows(entities["/text"], "step", "text")
+    assert str(words[0][0]).startswith("# Step 0\n\nThe arm stands where it begins")
+    assert str(words[1][0]).startswith("# Step 1\n")
     assert "/arm/obstacles/outlines" in entities
     assert "/step_7/arm/obstacles/outlines" in entities
