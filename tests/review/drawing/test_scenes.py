@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import paretoik as pk
 from paretoik.review.drawing.choice_layer import write_choice_layer
@@ -11,7 +12,7 @@ from paretoik.review.drawing.recorded_views import read_recorded
 from paretoik.review.recording.recorded_point import record_motion
 from problems.kim_2021 import directions_dam, point_to_point_dam
 from problems.marcos_2012 import loop
-from tests.review.reading import FRAME, blank_views, missing_entities, read, rows, shown, views
+from tests.review.reading import FRAME, blank_views, missing_entities, read, rows, shown, static_words, views
 
 SECOND = 1_000_000_000  # durations are nanoseconds
 
@@ -116,6 +117,43 @@ def test_the_words_are_those_of_what_is_shown(run):
     along = rows(words, "point", "text")
     assert len(along) >= min(len(front), 3)
     assert all(str(text[0]).startswith("# Point ") for text in along.values())
+
+
+def static_values(batches: list, component: str) -> np.ndarray:
+    (value,) = [
+        batch.column(name).to_pylist()[-1]
+        for batch in batches
+        for name in batch.schema.names
+        if name.split(":")[-1] == component and not set(batch.schema.names) & set(INSTANTS)
+    ]
+    return np.array(value)
+
+
+def test_nothing_that_runs_inside_links_or_along_a_path_is_hidden_by_them(run):
+    name, _, file = run
+    entities = read(file)
+    if name == "spatial":
+        ((tint,), (radius,)) = (static_values(entities["/arm/chosen/body"], each) for each in ("colors", "radii"))
+        assert tint & 0xFF < 0x80
+        assert radius == np.float32(0.02)
+        turns = rows(entities["/arm/chosen/body"], "motion", "quaternions")
+        lengths = rows(entities["/arm/chosen/body"], "motion", "lengths")
+        starts = rows(entities["/arm/chosen/body"], "motion", "translations")
+        nodes = rows(entities["/arm/chosen/links"], "motion", "strips")
+        for time in nodes:
+            axes = Rotation.from_quat(turns[time]).apply(np.array([0.0, 0.0, 1.0])) * lengths[time][:, None]
+            links = np.diff(nodes[time][0], axis=0)
+            there = np.linalg.norm(links, axis=1) > 1e-6
+            np.testing.assert_allclose(axes, links[there], atol=1e-6)
+            np.testing.assert_allclose(starts[time], nodes[time][0][:-1][there], atol=1e-6)
+        beads = static_values(entities["/arm/target"], "positions")
+        np.testing.assert_allclose(beads[[0, -1]], [(0.6, -0.1, 0.4), (0.6, 0.2, 0.5)], atol=1e-6)
+    if name == "planar":
+        followed = static_values(entities["/arm/target"], "radii")
+        gone = rows(entities["/arm/chosen/path"], "generation", "radii")
+        assert all(abs(followed[0]) > 2 * abs(radii[0]) for radii in gone.values())
+    if name in ("planar", "spatial"):
+        assert "● its links" in static_words(entities["/legend/words"])
 
 
 def test_each_axis_has_ticks_and_a_unit(run):
