@@ -72,7 +72,7 @@ class RecordingPalette:
     final: Colour = (124, 88, 36, 255)
     obstacle: Colour = (205, 92, 92, 255)
     obstacle_body: Colour = (205, 92, 92, 110)
-    limit: Colour = (225, 95, 95, 255)
+    limit: Colour = (200, 206, 216, 255)
     joints: tuple[Colour, ...] = (
         (255, 178, 62, 255),
         (70, 225, 190, 255),
