@@ -68,10 +68,11 @@ class RecordingPalette:
     target: Colour = (150, 155, 165, 255)
     base: Colour = (150, 155, 165, 255)
     body: Colour = (78, 84, 94, 255)
+    hull: Colour = (150, 160, 176, 70)
     final: Colour = (124, 88, 36, 255)
     obstacle: Colour = (205, 92, 92, 255)
     obstacle_body: Colour = (205, 92, 92, 110)
-    limit: Colour = (225, 95, 95, 255)
+    limit: Colour = (200, 206, 216, 255)
     joints: tuple[Colour, ...] = (
         (255, 178, 62, 255),
         (70, 225, 190, 255),

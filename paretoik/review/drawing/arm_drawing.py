@@ -15,12 +15,14 @@ from jaxtyping import Float
 from paretoik.review.drawing.arm_meshes import ArmMeshes, find_meshes
 from paretoik.review.drawing.drawn_axes import Canvas, equal_window
 from paretoik.review.drawing.ground import Ground
+from paretoik.review.drawing.link_hulls import LinkHulls
 from paretoik.review.drawing.obstacle_drawing import bodies, extent, hatch, outline
 from paretoik.review.drawing.screen_text import screen_text
 from paretoik.review.palette import SCREEN, Colour
 from paretoik.review.recording.workcell import Workcell
 
 Links = Float[np.ndarray, "rows nodes 3"]
+BEAD_GAP = 0.04  # distance of the beads of a path to follow, as a share of how large the scene is
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -85,6 +87,8 @@ class ArmDrawing:
         kind, dots = self._kinds
         for part in self._log_style(recording, layer, nodes, colour, solid):
             recording.send_columns(f"{self.entity}/{layer}/{part}", columns, kind.columns(strips=list(placed)))
+        if solid and self._hulls is not None:
+            self._hulls.send(recording, f"{self.entity}/{layer}/body", columns, links)
         positions = dots.columns(positions=placed.reshape(rows * nodes, -1)).partition([nodes] * rows)
         recording.send_columns(f"{self.entity}/{layer}/joints", columns, positions)
 
@@ -102,6 +106,8 @@ class ArmDrawing:
         kind, dots = self._kinds
         for part in self._log_style(recording, layer, len(links), colour, solid):
             recording.log(f"{self.entity}/{layer}/{part}", kind.from_fields(strips=[placed]))
+        if solid and self._hulls is not None:
+            self._hulls.log_posture(recording, f"{self.entity}/{layer}/body", links)
         recording.log(f"{self.entity}/{layer}/joints", dots.from_fields(positions=placed))
 
     def _log_style(
@@ -110,7 +116,7 @@ class ArmDrawing:
         """Log the colours and widths of an arm, for all times; return the entities of its lines."""
         entity, (kind, dots) = f"{self.entity}/{layer}", self._kinds
         parts = {"links": (rr.Radius.ui_points(3.2 if solid else 1.6), colour, 5.0 if solid else 7.0)}
-        if solid and self._width:
+        if solid and self._width and self.planar:
             parts["body"] = (self._width, SCREEN.body, 2.0)
         for part, (radius, tint, order) in parts.items():
             style = kind.from_fields(colors=tint, radii=radius, **self._order(order))
@@ -143,6 +149,11 @@ class ArmDrawing:
     @property
     def _mesh_root(self) -> str:
         return self.entity.replace("/", "_") + "_meshes"
+
+    @property
+    def _hulls(self) -> LinkHulls | None:
+        """The surfaces of links in space, where they have any width; in the plane a wide line is enough."""
+        return LinkHulls(radius=self.workcell.link_radius) if self._width and not self.planar else None
 
     @property
     def _width(self) -> float:
@@ -196,7 +207,7 @@ class ArmDrawing:
     def _log_places(self, recording: rr.RecordingStream) -> None:
         cell = self.workcell
         if cell.paths:
-            recording.log(f"{self.entity}/target", self.strips(cell.paths, SCREEN.target, 2.6, 0.0), static=True)
+            recording.log(f"{self.entity}/target", self._targets(), static=True)
         if cell.places:
             places = np.array(list(cell.places.values()))
             named = {"labels": list(cell.places), "show_labels": True}
@@ -208,6 +219,17 @@ class ArmDrawing:
             numbers = [f"direction {number + 1}" for number in range(len(ends))]
             heads = self.points(ends, SCREEN.target, 3.0, 1.0, labels=numbers, show_labels=True)
             recording.log(f"{self.entity}/directions/heads", heads, static=True)
+
+    def _targets(self) -> Any:
+        """Return the paths to follow: below what the tool does a wide line, in space beads on its string.
+
+        There two lines in one place would flicker through each other, whatever their widths.
+        """
+        paths = self.workcell.paths
+        if self.planar:
+            return self.strips(paths, SCREEN.target, 4.0, 0.0)
+        gap = BEAD_GAP * float(np.ptp(self._extent, axis=0).max())
+        return self.points(np.concatenate([beads(path, gap=gap) for path in paths]), SCREEN.target, 2.6, 0.0)
 
     @property
     def _arrow_ends(self) -> np.ndarray:
@@ -233,3 +255,14 @@ class ArmDrawing:
     @cached_property
     def _ground(self) -> Ground:
         return Ground.around(self._extent)
+
+
+def beads(path: Float[np.ndarray, "samples 3"], *, gap: float) -> Float[np.ndarray, "beads 3"]:
+    """Return points along a path, its two ends among them, evenly and about a ``gap`` apart.
+
+    >>> beads(np.array([[0.0, 0, 0], [1, 0, 0]]), gap=0.5)[:, 0].tolist()
+    [0.0, 0.5, 1.0]
+    """
+    gone = np.append(0.0, np.linalg.norm(np.diff(path, axis=0), axis=1).cumsum())
+    places = np.linspace(0.0, gone[-1], 1 + max(1, round(float(gone[-1]) / gap)))
+    return np.stack([np.interp(places, gone, path[:, axis]) for axis in range(3)], axis=1)

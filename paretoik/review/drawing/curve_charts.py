@@ -23,16 +23,21 @@ from paretoik.review.palette import SCREEN, Colour
 
 TOTAL = (600.0, 236.0)  # width and height of a chart with its margins [pixels]
 DASH = 7.0  # pixels
+DOT_MARGIN = 0.02  # of the range of dots, on either side
+MANY_DOTS = 40  # of a curve; fewer are larger
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LimitLine:
-    """A limit over ``instants``: its ``values``, the name of what it limits, "" of everything, and its colour."""
+    """A limit over ``instants``: its ``values``, the name of what it limits, "" of everything, and its colour.
+
+    The dashes of one that several share have their ``colours`` in turn.
+    """
 
     instants: Times
     values: Times
     name: str
-    colour: Colour
+    colours: Sequence[Colour]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -65,7 +70,11 @@ class Chart:
         near = [limit for limit in self.limits if self._is_near(limit)]
         if near:
             dashes = [self._dashes(limit) for limit in near]
-            colours = [limit.colour for limit, strips in zip(near, dashes, strict=True) for _ in strips]
+            colours = [
+                limit.colours[number % len(limit.colours)]
+                for limit, strips in zip(near, dashes, strict=True)
+                for number in range(len(strips))
+            ]
             strips = [strip for each in dashes for strip in each]
             lines = rr.LineStrips2D(strips, colors=colours, radii=rr.Radius.ui_points(0.9), draw_order=0.5)
             recording.log(f"{self.entity}/limits", lines, static=True)
@@ -81,7 +90,7 @@ class Chart:
         lines: Any = rr.LineStrips2D(strips, colors=list(self.colours), radii=rr.Radius.ui_points(1.2), draw_order=1.0)
         if self.dots:
             colours = [colour for colour, strip in zip(self.colours, strips, strict=True) for _ in strip]
-            radius = rr.Radius.ui_points(2.2)
+            radius = rr.Radius.ui_points(2.2 if max(map(len, strips)) > MANY_DOTS else 3.2)
             lines = rr.Points2D(np.concatenate(strips), colors=colours, radii=radius, draw_order=1.0)
         recording.log(f"{self.entity}/curves", lines, static=static)
         if len(curves) > 1:
@@ -116,6 +125,9 @@ class Chart:
         low, high = window(self._with_limits(points) if len(points) else np.array([[0.0, 0.0], [1.0, 1.0]]))
         if len(points) and np.ptp(points[:, 0]) > 0:
             low[0], high[0] = points[:, 0].min(), points[:, 0].max()
+            if self.dots:  # whole ones, not those on the frame by half
+                beside = DOT_MARGIN * (high[0] - low[0])
+                low[0], high[0] = low[0] - beside, high[0] + beside
         width = self.total[0] - TEXT.left - self._right
         height = self.total[1] - TEXT.top - TEXT.bottom
         return Canvas(low=low, high=high, labels=self.labels, width=width, height=height)
@@ -146,7 +158,8 @@ class Chart:
 
     def _name_places(self, ends: Sequence[float]) -> Values:
         """Return the middles of names: right of the ends of their curves, as many columns as it takes."""
-        moved = _spread_labels(ends, gap=TEXT.line / self._name_columns)
+        lowest = self.canvas.height - 0.4 * TEXT.line  # further down are the words of ticks
+        moved = _spread_labels(ends, gap=TEXT.line / self._name_columns, lowest=lowest)
         longest = text_width(max(self.names, key=len))
         order = np.argsort(np.argsort(moved, kind="stable"), kind="stable")
         column = order % self._name_columns
@@ -185,10 +198,17 @@ def _finite_points(instants: Times, curve: Times) -> np.ndarray:
     return finite
 
 
-def _spread_labels(places: Sequence[float], *, gap: float) -> list[float]:
-    """Return `places` moved until neighbours have at least a distance of `gap`, about the same middle."""
+def _spread_labels(places: Sequence[float], *, gap: float, lowest: float = np.inf) -> list[float]:
+    """Return `places` moved until neighbours have at least a distance of `gap`, about the same middle.
+
+    None is further down than ``lowest``.
+    """
     order = np.argsort(places, kind="stable")
     moved = np.array(places, dtype=float)
     for above, below in pairwise(order):
         moved[below] = max(moved[below], moved[above] + gap)
-    return list(moved - (moved - np.array(places)).max() / 2)
+    moved -= (moved - np.array(places)).max() / 2
+    moved[order[-1:]] = np.minimum(moved[order[-1:]], lowest)
+    for below, above in pairwise(order[::-1]):
+        moved[above] = min(moved[above], moved[below] - gap)
+    return list(moved)

@@ -111,7 +111,7 @@ class FinishedMaxima:
         charts = [self._chart("maximum", label, end.values[None], [self.scene.word])]
         ends = np.array([1.0, float(max(len(end), 2))])
         limits = [
-            LimitLine(instants=ends, values=each.values[[0, -1]], name=each.name, colour=each.colour)
+            LimitLine(instants=ends, values=each.values[[0, -1]], name=each.name, colours=each.colours)
             for each in limit_lines(cell, "position", 1.0)
         ]
         charts.append(self._chart("position", self._joint_label("position"), end.q.T, names, limits))
@@ -133,7 +133,7 @@ class FinishedMaxima:
         """What the motors let each joint do, over the directions."""
         numbers = np.arange(1.0, len(self.end) + 1)
         return [
-            LimitLine(instants=numbers, values=values[:, joint], name=name, colour=SCREEN.joint(joint))
+            LimitLine(instants=numbers, values=values[:, joint], name=name, colours=[SCREEN.joint(joint)])
             for joint, name in enumerate(self.scene.workcell.arm.joint_names)
             for values in (self.end.lower, self.end.upper)
         ]

@@ -205,7 +205,7 @@ class FinishedResolution:
 
     def _limit(self, value: float, name: str, colour: Colour) -> LimitLine:
         time: Times = self.end.motions[0].time
-        return LimitLine(instants=time[[0, -1]], values=np.array([value, value]), name=name, colour=colour)
+        return LimitLine(instants=time[[0, -1]], values=np.array([value, value]), name=name, colours=[colour])
 
     @property
     def _note(self) -> str:

@@ -64,24 +64,34 @@ def posture_chart(
 
 
 def limit_lines(cell: Workcell, kind: str, end: float) -> list[LimitLine]:
-    """Return the limits of a kind up to the time ``end`` [s]: in red where they are those of every joint."""
+    """Return the limits of a kind up to the time ``end`` [s], each once: one that joints share has all their colours.
+
+    What every joint has is drawn in one colour.
+    """
     if kind not in cell.bounds:
         return []
     bounds = cell.bounds[kind]
     instants = np.array([0.0, end]) if len(bounds) == 1 else cell.times
     bounds = np.broadcast_to(bounds, (max(len(bounds), 2), *bounds.shape[1:])) if len(bounds) == 1 else bounds
-    shared = bool((bounds == bounds[:, :1]).all())
-    joints = (
-        [(0, "", SCREEN.limit)]
-        if shared
-        else [(number, name, SCREEN.joint(number)) for number, name in enumerate(cell.arm.joint_names)]
-    )
     return [
-        LimitLine(instants=instants, values=np.array(bounds[:, number, side]), name=name, colour=colour)
-        for number, name, colour in joints
+        LimitLine(
+            instants=instants,
+            values=values,
+            name="" if len(joints) == cell.arm.dof else ", ".join(cell.arm.joint_names[number] for number in joints),
+            colours=[SCREEN.limit] if len(joints) == cell.arm.dof else [SCREEN.joint(number) for number in joints],
+        )
         for side in (0, 1)
-        if np.isfinite(bounds[:, number, side]).any()
+        for values, joints in _shared(bounds[:, :, side])
     ]
+
+
+def _shared(limits: Float[np.ndarray, "time dof"]) -> list[tuple[Times, list[int]]]:
+    """Return the different finite limits among those of joints, each with the numbers of its joints."""
+    joints: dict[bytes, list[int]] = {}
+    for number, values in enumerate(limits.T):
+        if np.isfinite(values).any():
+            joints.setdefault((values + 0.0).tobytes(), []).append(number)
+    return [(limits[:, numbers[0]].copy(), numbers) for numbers in joints.values()]
 
 
 def joint_units(arm: Arm, units: tuple[str, str]) -> str:

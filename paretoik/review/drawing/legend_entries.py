@@ -76,6 +76,8 @@ def motion_entries(motions: MotionScene, arm: str = "arm") -> list[Entry]:
     """Return what is drawn of motions in which colour; ``arm`` says whose is drawn solid."""
     cell = motions.workcell
     entries: list[Entry] = [(arm, SCREEN.arm)]
+    if cell.link_radius:
+        entries.append(("its links", SCREEN.body if cell.arm.is_planar else (*SCREEN.hull[:3], 255)))
     if any(point.motion is not None and not point.motion.is_standing for point in motions.points):
         entries += [("its postures over time", SCREEN.ghost), ("path of its tool", SCREEN.path)]
     else:

@@ -72,7 +72,7 @@ class MotionScene:
             )
             chosen = point.axis is None
             if not point.motion.is_standing and (chosen or not self.workcell.paths):  # what follows one has the same
-                colour, width = (SCREEN.path, 1.8) if chosen else (SCREEN.end(point.axis or 0), 1.0)
+                colour, width = (SCREEN.path, 1.4) if chosen else (SCREEN.end(point.axis or 0), 1.0)
                 recording.log(f"{layer}/path", drawing.strips([links[:, -1]], colour, width, 1.0))
             if chosen:
                 ghosts = drawing.strips(list(links[self._ghost_rows(len(links))]), SCREEN.ghost, 1.0, 0.0)

@@ -73,7 +73,7 @@ def bodies(obstacles: Sequence[Obstacle], low: Vector3, high: Vector3) -> list[t
                 translations=[obstacle.start],
                 lengths=[float(np.linalg.norm(axis))],
                 radii=[obstacle.radius],
-                quaternions=[rr.Quaternion(xyzw=_turn_of_z(axis))],
+                quaternions=[rr.Quaternion(xyzw=turn_of_z(axis))],
                 colors=colour,
                 fill_mode=fill,
             )
@@ -125,7 +125,7 @@ def _section(obstacle: Obstacle) -> Outline:
     return np.asarray(inside[ConvexHull(inside).vertices])
 
 
-def _turn_of_z(axis: Vector3) -> np.ndarray:
+def turn_of_z(axis: Vector3) -> np.ndarray:
     """Return the quaternion (x, y, z, w) of a rotation that takes z to the direction of ``axis``."""
     length = np.linalg.norm(axis)
     if length == 0:

@@ -62,3 +62,11 @@ def test_names_are_pushed_apart_and_keep_their_order(places):
     moved = np.array(_spread_labels(places, gap=2.0))
     order = np.argsort(places, kind="stable")
     assert (np.diff(moved[order]) >= 2.0 - 1e-9).all()
+
+
+@given(st.lists(st.floats(0, 30), min_size=1, max_size=9))
+def test_no_name_is_further_down_than_the_lowest_place(places):
+    moved = np.array(_spread_labels(places, gap=2.0, lowest=20.0))
+    assert moved.max() <= 20.0 + 1e-9
+    order = np.argsort(places, kind="stable")
+    assert (np.diff(moved[order]) >= 2.0 - 1e-9).all()
