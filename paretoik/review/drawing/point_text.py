@@ -16,7 +16,14 @@ from paretoik.review.recording.recorder import Generation
 
 SETTINGS = ("population", "generations", "seed", "points", "starts", "refine", "solver", "weights", "warm_start")
 
-COUNTS = ("generations", "evaluations", "steps", "levels", "starts", "optima")
+COUNTS = {  # what a run took, one and many of it
+    "generations": ("generation", "generations"),
+    "evaluations": ("evaluation", "evaluations"),
+    "steps": ("step", "steps"),
+    "levels": ("bound ε", "bounds ε"),  # a recording has a level for every new point, too
+    "starts": ("start", "starts"),
+    "optima": ("optimum", "optima"),
+}
 ENDINGS = {  # what a run that came to its end says of that; others say why they did not
     "epsilon": "the sweep is complete",
     "optima": "all starts were tried",
@@ -176,11 +183,7 @@ def run_text(provenance: Mapping[str, Any]) -> str:
         f"- {name.replace('_', ' ')}: {_said(settings[name])}" for name in SETTINGS if settings.get(name) is not None
     ]
     counts, status = provenance.get("counts") or {}, provenance.get("status")
-    took = [
-        counted(counts[name], name.removesuffix("s").replace("optima", "optimum"), name)
-        for name in COUNTS
-        if name in counts
-    ]
+    took = [counted(counts[name], *words) for name, words in COUNTS.items() if isinstance(counts.get(name), int)]
     took += [f"{counts['seconds']:.4g} s"] if "seconds" in counts else []
     heads = [f"- problem: {provenance['problem']}"] if provenance.get("problem") else []
     heads += [f"- ended: {ENDINGS.get(str(status), status)}"] if status else []

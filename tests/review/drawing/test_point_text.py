@@ -83,4 +83,5 @@ def test_a_run_is_told_in_words():
     assert "- refine: no" in words
     assert "- took 1 start, 2 optima, 1.668 s" in words
     assert "- 1 point converged" in words
+    assert "- took 14 bounds ε" in run_text({"counts": {"levels": 14}})
     assert "- ended: interrupted" in run_text({"status": "interrupted"})
