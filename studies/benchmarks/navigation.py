@@ -19,7 +19,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -92,6 +92,14 @@ QUICK = tuple(CASES)[:1]
 Peer: TypeAlias = JointProgram | StagedProgram
 
 
+class Try(NamedTuple):
+    """What a peer made of a move: who, in how many seconds, and the payer's value where it arrived."""
+
+    peer: str
+    seconds: float
+    value: float | None
+
+
 @dataclass(eq=False)
 class Tally:
     """What came of moves, one entry a move."""
@@ -105,8 +113,15 @@ class Tally:
     whole: list[float] = field(default_factory=list)
     peer_solved: dict[str, list[bool]] = field(default_factory=dict)
     peer_seconds: dict[str, list[float]] = field(default_factory=dict)
+
     unreachable: int = 0
     around: int = 0
+
+    def add_tries(self, tries: Sequence[Try]) -> None:
+        """Write down what peers made of a move that somebody can make."""
+        for each in tries:
+            self.peer_seconds.setdefault(each.peer, []).append(each.seconds)
+            self.peer_solved.setdefault(each.peer, []).append(each.value is not None)
 
 
 def random_aim(front: pk.Front, objectives: int, rng: np.random.Generator) -> tuple[int, Aim]:
@@ -132,7 +147,8 @@ def try_move(
     goal, wish, widths = aim.at_share(1.0), aim.wish, aim.ranges
     payer, names = wish.payers[0], front.names
     values = [program.evaluate(x)[0][payer] for one in points.x if (x := reach(program, one, goal)) is not None]
-    values += _peers_values(program, points, row, aim, peers, rng, to)
+    tries = _peers_tries(program, points, row, aim, peers, rng)
+    values += [each.value for each in tries if each.value is not None]
     id, by = int(front.ids[row]), wish.by * float(widths[wish.improve])
     began = time.process_time()
     try:
@@ -140,16 +156,19 @@ def try_move(
     except Infeasible:
         to.unreachable += not values
         if values:
+            to.add_tries(tries)
             to.certified.append(False)
             to.best.append(False)
         return
-    to.whole.append(time.process_time() - began)
+    whole = time.process_time() - began
     choice, note = moved.navigated, moved.provenance["navigations"][-1]
     assert choice is not None
     assert moved.certificates is not None
     if note["share"] < 1.0 and not values:
         to.unreachable += 1
         return
+    to.add_tries(tries)
+    to.whole.append(whole)
     to.step.append(note["seconds"])
     to.followed.append(note["followed"])
     residual, violation = moved.certificates.kkt_residual[choice.index], moved.certificates.violation[choice.index]
@@ -161,17 +180,16 @@ def try_move(
     _try_rate(moved, choice, wish, to)
 
 
-def _peers_values(
+def _peers_tries(
     program: Program,
     points: FrontPoints,
     row: int,
     aim: Aim,
     peers: Mapping[str, Peer],
     rng: np.random.Generator,
-    to: Tally,
-) -> list[float]:
-    """Return what the payer is at best where peers arrive, and write down their times."""
-    payer, ceilings, values = aim.wish.payers[0], aim.start.copy(), list[float]()
+) -> list[Try]:
+    """Return what peers make of a move, each warm and cold."""
+    payer, ceilings, tries = aim.wish.payers[0], aim.start.copy(), list[Try]()
     ceilings[aim.wish.improve] -= aim.wish.by * aim.ranges[aim.wish.improve]
     ceilings[payer] = np.inf
     starts = {"warm": points.x[row], "cold": points.x[int(rng.integers(len(points.x)))]}
@@ -179,10 +197,10 @@ def _peers_values(
         for start, q in starts.items():
             began = time.process_time()
             motion, _ = peer.solve(q, payer, ceilings, aim.ranges, warm=start == "warm")
-            to.peer_seconds.setdefault(f"{name} {start}", []).append(time.process_time() - began)
-            to.peer_solved.setdefault(f"{name} {start}", []).append(motion is not None)
-            values += [] if motion is None else [float(program.evaluate(motion)[0][payer])]
-    return values
+            seconds = time.process_time() - began
+            value = None if motion is None else float(program.evaluate(motion)[0][payer])
+            tries.append(Try(f"{name} {start}", seconds, value))
+    return tries
 
 
 def peers_of(case: Case, problem: object, folder: Path) -> dict[str, Peer]:
