@@ -16,7 +16,8 @@ from paretoik.arrays import Ids, Objectives, Values
 from paretoik.formulations.protocol import Timeline
 from paretoik.review.drawing.drawn_axes import Canvas
 from paretoik.review.drawing.front_panels import Pair, Panels
-from paretoik.review.drawing.panel_marks import log_epsilon, log_moves
+from paretoik.review.drawing.label_places import log_name
+from paretoik.review.drawing.panel_marks import best_words, log_ends, log_epsilon, log_moves
 from paretoik.review.drawing.parallel_axes import ParallelAxes
 from paretoik.review.drawing.screen_text import entity_names, screen_text
 from paretoik.review.drawing_options import DRAWING
@@ -115,7 +116,8 @@ class SearchScene:
         if generation.chosen is not None:
             self.log_points(recording, "chosen", generation.chosen[None], canvases, reference=reference)
         of = f" of level {generation.number}" if self.timeline == "level" else ""  # the final front numbers anew
-        self.log_marked(recording, generation.points, canvases, of=of)
+        everything = np.concatenate([generation.front, generation.population])
+        self.log_marked(recording, generation.points, canvases, of=of, beside=everything)
         if parallel is not None:
             marked = [point.objectives for point in generation.points if point.axis is None]
             chosen = marked[0] if marked else generation.chosen
@@ -130,9 +132,9 @@ class SearchScene:
                 log_moves(recording, [*self._panel(pair), "moves"], canvas, origins, generation.front[:, columns])
             elif self.timeline == "level":
                 epsilon = None if generation.epsilon is None else generation.epsilon[columns]
-                names = screen_text(self.names[pair[0]]), screen_text(self.names[pair[1]])
+                first, second = ((screen_text(self.names[axis]), self.units[axis]) for axis in pair)
                 maximised = self.maximised[pair[0]], self.maximised[pair[1]]
-                log_epsilon(recording, [*self._panel(pair), "epsilon"], canvas, epsilon, names, maximised)
+                log_epsilon(recording, [*self._panel(pair), "epsilon"], canvas, epsilon, (first, second), maximised)
 
     def log_points(
         self,
@@ -146,31 +148,33 @@ class SearchScene:
         of: str = "",
         reference: Population | None = None,
         static: bool = False,
+        beside: Population | None = None,
+        words: Sequence[str] | None = None,
     ) -> None:
         """Draw points as a layer of every panel, normalised by the ranges of a ``reference`` front if there is one.
 
-        Where they are ``named``, by their ids, ``of`` says whose these are.
-
-        Points outside a window are not drawn, but their numbers are kept with the others.
+        Points outside a window are not drawn, but their numbers are kept with the others. Where points are ``named``,
+        ``of`` says whose ids they have. What is chosen or looked at has its label, ``words`` or its name, where it
+        covers fewest of the points ``beside`` it.
         """
         colour, radius, order = LAYERS[layer]
         drawn = F if reference is None else _normalise(F, reference)
+        names = [f"point {number}{of}" for number in ids] if named and ids is not None else None
         for pair, canvas in self._panels(canvases):
             pairwise = drawn[:, list(pair)]
             seen = canvas.shows(pairwise)
-            points = rr.Points2D(
-                canvas.place(pairwise[seen]),
-                colors=colour,
-                radii=rr.Radius.ui_points(radius),
-                labels=[f"point {number}{of}" for number in ids[seen]] if named and ids is not None else None,
-                show_labels=order > 3.0 and pair == self.panels.pairs[0],
-                draw_order=order,
-            )
+            own = None if names is None else [names[row] for row in np.flatnonzero(seen)]
+            at, size = canvas.place(pairwise[seen]), rr.Radius.ui_points(radius)
+            points = rr.Points2D(at, colors=colour, radii=size, labels=own, show_labels=False, draw_order=order)
             recording.log([*self._panel(pair), layer], points, static=static)
+            if order > 3.0 and pair == self.panels.pairs[0]:
+                shown = names if words is None else words
+                others = pairwise if beside is None else np.concatenate([pairwise, beside[:, list(pair)]])
+                log_name(recording, [*self._panel(pair), layer, "name"], canvas, shown, others, colour, static=static)
         if layer != "final":
-            numbers: dict[str, Any] = {"F": F.ravel(), "n_obj": F.shape[1]}
-            numbers |= {} if ids is None else {"ids": ids}
-            recording.log([*self.root, "search", layer], rr.AnyValues(**numbers), static=static)
+            numbers: dict[str, Any] = {} if ids is None else {"ids": ids}
+            values = rr.AnyValues(F=F.ravel(), n_obj=F.shape[1], **numbers)
+            recording.log([*self.root, "search", layer], values, static=static)
 
     def log_marked(
         self,
@@ -179,29 +183,27 @@ class SearchScene:
         canvases: Sequence[Canvas],
         *,
         of: str = "",
+        beside: Population | None = None,
     ) -> None:
-        """Draw the best points of the objectives in their colours, and the chosen one; ``of``: whose ids they have."""
-        ends = [point for point in points if point.axis is not None]
-        for pair, canvas in self._panels(canvases):
-            if not ends:
-                break
-            places = np.array([point.objectives[list(pair)] for point in ends])
-            seen = np.flatnonzero(canvas.shows(places))
-            markers = rr.Points2D(
-                canvas.place(places[seen]),
-                colors=[SCREEN.end(ends[row].axis or 0) for row in seen],
-                radii=rr.Radius.ui_points(5.2),
-                labels=[
-                    f"point {ends[row].id}{of}, best {screen_text(self.names[ends[row].axis or 0])}" for row in seen
-                ],
-                show_labels=False,
-                draw_order=3.0,
-            )
-            recording.log([*self._panel(pair), "ends"], markers)
-        for point in points:
+        """Draw the best points of the objectives in their colours, and the chosen one, their labels off ``beside``.
+
+        ``of`` says whose ids they have.
+        """
+        ends = any(point.axis is not None for point in points)
+        for pair, canvas in self._panels(canvases) if ends else ():
+            columns = list(pair)
+            places = np.array([point.objectives[columns] for point in points])
+            others = places[:0] if beside is None else beside[:, columns]
+            named = others if pair == self.panels.pairs[0] else None
+            log_ends(recording, self._panel(pair), canvas, places, points, self.names, named, of=of)
+        for row, point in enumerate(points):
             if point.axis is None:
-                ids = np.array([point.id])
-                self.log_points(recording, "chosen", point.objectives[None], canvases, ids=ids, named=True, of=of)
+                best = best_words(points, row, self.names)
+                words = [f"point {point.id}{of}" + (f"\n{best}" if best else "")]
+                ids, F = np.array([point.id]), point.objectives[None]
+                self.log_points(
+                    recording, "chosen", F, canvases, ids=ids, named=True, beside=beside, of=of, words=words
+                )
 
     def log_looked_at(
         self,
@@ -209,10 +211,16 @@ class SearchScene:
         point: RecordedPoint,
         canvases: Sequence[Canvas],
         parallel: ParallelAxes | None,
+        *,
+        beside: Population | None = None,
+        named: bool = True,
     ) -> None:
-        """Mark a point that is looked at, beside the chosen one and the best of the objectives."""
-        F = point.objectives[None]
-        self.log_points(recording, "looked_at", F, canvases, ids=np.array([point.id]), named=True)
+        """Mark a point that is looked at, beside the chosen one and the best of the objectives.
+
+        Its label is off ``beside``; it has none where it is not ``named``, as the chosen one, which has its own.
+        """
+        F, ids, words = point.objectives[None], np.array([point.id]), None if named else ()
+        self.log_points(recording, "looked_at", F, canvases, ids=ids, named=True, beside=beside, words=words)
         if parallel is not None:
             recording.log(f"{parallel.entity}/looked_at", parallel.lines(F, SCREEN.arm, 2.2, 5.0))
 

@@ -215,8 +215,11 @@ def test_an_epsilon_front_has_everything_of_the_checklist_at_every_level(fronts)
     assert not missing_entities(file, [f"{PANEL}/epsilon"], {"level": (levels[-1],)})
     F = rows(entities["/search/front"], "level", "F")
     np.testing.assert_array_equal(F[levels[-1]].reshape(-1, 2), front.objectives)
-    bounds = rows(entities[f"{PANEL}/epsilon"], "level", "labels")
-    assert any(str(each[0]).startswith("ε: ") for each in bounds.values() if len(each))
+    bounds = rows(entities[f"{PANEL}/epsilon/names"], "level", "labels")
+    words = [str(each[0]).split(" ", 4) for each in bounds.values() if len(each)]
+    bounded = {name: unit for _, name, _, _, unit in words}
+    assert bounded
+    assert bounded.items() <= dict(zip(front.names, front.units, strict=True)).items()
     assert "● ε: bound of this level" in static_words(entities["/legend/words"])
 
 
@@ -227,6 +230,9 @@ def test_a_point_looked_at_is_marked_beside_the_compromise_which_stays_where_it_
     assert [seen[place].tolist() for place in range(len(front))] == [[f"point {number}"] for number in front.ids]
     chosen = rows(entities[f"{PANEL}/chosen"], "point", "labels")
     assert {place: words.tolist() for place, words in chosen.items()} == {0: [f"point {compromise(front).id}"]}
+    own = rows(entities[f"{PANEL}/looked_at/name"], "point", "positions")  # but the compromise has its name already
+    assert [len(own[place]) for place in range(len(front))] == [int(id != compromise(front).id) for id in front.ids]
+    assert list(rows(entities[f"{PANEL}/chosen/name"], "point", "labels")) == [0]
     assert list(rows(entities[f"{PANEL}/ends"], "point", "positions")) == [0]
     words = static_words(entities["/legend/words"])
     assert {"● point looked at", "● arm of the compromise, or of the point looked at"} <= set(words)
@@ -237,11 +243,17 @@ def test_points_of_a_level_are_named_by_it_as_the_final_front_numbers_anew(front
     entities = read(folder / "front" / "review.rrd")
     texts = rows(entities["/text"], "level", "text")
     names = rows(entities[f"{PANEL}/chosen"], "level", "labels")
+    beside = rows(entities[f"{PANEL}/chosen/name"], "level", "labels")
+    assert {level: str(words[0]).split("\n")[0] for level, words in beside.items()} == {
+        level: str(words[0]) for level, words in names.items()
+    }
+    ends = rows(entities[f"{PANEL}/ends"], "level", "labels")
     last = max(names)
     assert names[last].tolist() == [f"point {compromise(front).id}"]
     for level in set(names) - {last}:
         (name,) = names[level].tolist()
         assert name.endswith(f" of level {level}")
+        assert all(f" of level {level}, best " in str(each) for each in ends[level])
         assert f"{name} (the final front numbers its points anew)" in str(texts[level][0])
 
 
