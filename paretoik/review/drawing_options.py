@@ -16,7 +16,9 @@ class DrawingOptions:
     Timelines of generations play ``frames`` of them a second, those of a few things that are looked at one by one
     ``slow_frames``.
 
-    A limit is in the chart where it lies at most ``limit_distance`` ranges of the curves off. Outlines of obstacles
+    A limit is in the chart where it lies at most ``limit_distance`` ranges of the curves off, and counts as kept where
+    it is passed by at most such a share of its range, ``kept``. A value that is at most such a share of the largest,
+    ``rounding``, is written as 0. Outlines of obstacles
     have so many ``corners``; where a body meets the plane is found on a grid of ``section`` points a side. Meshes are
     drawn up to so many ``mesh_bytes``, since a recording holds them whole.
     """
@@ -31,6 +33,8 @@ class DrawingOptions:
     frames: float = 6.0
     slow_frames: float = 1.0
     limit_distance: float = 2.5
+    kept: float = 1e-6
+    rounding: float = 1e-10
     corners: int = 96
     section: int = 160
     mesh_bytes: float = 40e6

@@ -12,6 +12,7 @@ import pytest
 import paretoik as pk
 from paretoik.api.completion import complete_front
 from paretoik.errors import Infeasible, SolverFailed
+from paretoik.front.indicators import ranges_of
 from paretoik.stop_flag import STOP
 from tests.api.problems import tracking
 

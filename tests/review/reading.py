@@ -94,7 +94,12 @@ def missing_entities(file: Path, wanted: list[str], instants: dict[str, tuple[in
 
 def static_words(batches: list) -> list[str]:
     """Return the labels of an entity that never changes."""
-    (column,) = [name for name in batches[-1].schema.names if name.endswith(":labels")]
+    return static_values(batches, "labels")
+
+
+def static_values(batches: list, component: str) -> list:
+    """Return what an entity that never changes holds in a component."""
+    (column,) = [name for name in batches[-1].schema.names if name.endswith(f":{component}")]
     return batches[-1].column(column).to_pylist()[-1]
 
 

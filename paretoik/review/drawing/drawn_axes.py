@@ -33,6 +33,7 @@ class TextSize:
 
 
 TEXT = TextSize()
+COUNTED = ("level", "generation", "step", "refinement", "direction", "distinct optima", "points on the front")
 Ticks = Float[np.ndarray, " _"]
 
 
@@ -92,7 +93,7 @@ class Canvas:
     def _ticks(self) -> tuple[Ticks, Ticks]:
         upright = fitting_ticks(self.low[0], self.high[0], room=self.width, size=_width_of)
         level = fitting_ticks(self.low[1], self.high[1], room=self.height, size=lambda _: 0.6 * TEXT.line)
-        return upright, level
+        return _countable(upright, self.labels[0]), _countable(level, self.labels[1])
 
     def _labels(self, across: Ticks, along: Ticks) -> tuple[list[str], np.ndarray]:
         """Return the words of ticks and axes, and where their middles are."""
@@ -151,6 +152,11 @@ def tick_words(ticks: Ticks) -> list[str]:
     if len(set(words)) == len(words):
         return words
     return [words[0], *(f"+{tick - ticks[0]:.3g}" for tick in ticks[1:])]
+
+
+def _countable(ticks: Ticks, label: str) -> Ticks:
+    """Return the ticks of an axis; of one that counts the whole ones alone."""
+    return ticks[np.abs(ticks - ticks.round()) < 1e-9] if label.startswith(COUNTED) else ticks
 
 
 def _width_of(tick: float) -> float:

@@ -15,7 +15,7 @@ from paretoik.review.drawing.legend import Legend
 from paretoik.review.drawing.legend_entries import search_entries
 from paretoik.review.drawing.motion_scene import MotionScene
 from paretoik.review.drawing.parallel_axes import ParallelAxes
-from paretoik.review.drawing.point_text import text_of
+from paretoik.review.drawing.point_text import beginning_text, text_of
 from paretoik.review.drawing.recording_layout import TEXT, Layout, note_view, text_view
 from paretoik.review.drawing.screen_text import screen_text
 from paretoik.review.drawing.search_charts import DrawnChart, log_series, search_charts
@@ -39,6 +39,7 @@ class FinishedLoop:
     def log(self, stream: rr.RecordingStream) -> None:
         """Draw everything."""
         self._log_still(stream)
+        self._log_beginning(stream)
         for generation in self.generations:
             self._set_time(stream, generation.number)
             self._log_step(stream, generation)
@@ -65,6 +66,15 @@ class FinishedLoop:
             self._motions.log(stream)
         if self.note:
             stream.log("notes/left_out", rr.TextDocument(self.note), static=True)
+
+    def _log_beginning(self, stream: rr.RecordingStream) -> None:
+        """Say at step 0 why it has no front, and let the cursors stand at the first step that has one."""
+        if not self.generations or self.generations[0].number == 0:
+            return
+        self._set_time(stream, 0)
+        stream.log(TEXT, rr.TextDocument(beginning_text(self.generations[0].number), media_type="text/markdown"))
+        for chart, _, _ in self._charts:
+            chart.log_cursor(stream, float(self.generations[0].number))
 
     def _set_time(self, stream: rr.RecordingStream, step: int) -> None:
         stream.reset_time()

@@ -26,6 +26,7 @@ from paretoik.review.recording.planned import PlanEnd, PlannedLevel, PlannedScen
 from paretoik.review.recording.recorded_point import RecordedMotion, RecordedPoint
 
 START = "start"  # layer of a start's arm
+DISTINCT = "distinct optima of the level so far"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -79,7 +80,7 @@ class FinishedPlan:
         }
         stream.log("search/level", rr.AnyValues(**numbers))
         for chart, _, _ in self._charts:
-            chart.log_cursor(stream, float(place + 1))
+            chart.log_cursor(stream, float(place))
         if self._motions is not None:
             self._motions.log_whole(stream, self._bests[place])
 
@@ -90,10 +91,10 @@ class FinishedPlan:
         self._at_the_end(stream)
         count = len(self._panel.starts)
         self._panel.log_until(stream, count, ended=True)
-        self._log_text(stream, plan_end_text(self.scene, end))
+        self._log_text(stream, plan_end_text(self.scene, end, count))
         stream.log("search/optima", rr.AnyValues(objective=[float(each.point.objectives[0]) for each in end.optima]))
         for chart, _, _ in self._charts:
-            chart.log_cursor(stream, float(len(self.messages)))
+            chart.log_cursor(stream, float(len(self.messages) - 1))
         if self._motions is not None:
             self._motions.log_whole(stream, self._best)
 
@@ -126,7 +127,7 @@ class FinishedPlan:
             self._panel.log_start(stream, number)
             self._log_text(stream, start_text(self.scene, level, row))
             for chart, _, _ in self._charts:
-                chart.log_cursor(stream, float(self._panel.across[number - 1]))
+                chart.log_cursor(stream, float(self._instants[number - 1]))
             motions.log_whole(stream, points)
 
     def _log_optima(self, stream: rr.RecordingStream, motions: MotionScene) -> None:
@@ -137,7 +138,7 @@ class FinishedPlan:
             stream.set_time("optimum", sequence=place)
             self._panel.log_optimum(stream, place)
             if place:  # at the first all of them are told
-                self._log_text(stream, optimum_text(self.scene, optima, place))
+                self._log_text(stream, optimum_text(self.scene, optima, place, self._count))
             motions.log_whole(stream, [optimum.point])
 
     def _log_text(self, stream: rr.RecordingStream, words: str) -> None:
@@ -181,6 +182,10 @@ class FinishedPlan:
         return [(int(place) + 1, *rows[place], _start_and_end(*rows[place])) for place in picked]
 
     @property
+    def _count(self) -> int:
+        return 0 if self.end is None else len(self.end.optima)
+
+    @property
     def _note(self) -> str:
         left_out = len(self._panel.starts) - len(self._walk)
         words = f"Of {len(self._panel.starts)} starts {len(self._walk)} are shown one by one." if left_out else ""
@@ -205,10 +210,10 @@ class FinishedPlan:
         """The best so far, and how many distinct optima there are so far, over the starts of each level."""
         if not np.isfinite(self._panel.ends).any():
             return []
-        label = screen_label(f"best {self.scene.name} so far", self.scene.unit, self.scene.maximised)
+        label = screen_label(f"best {self.scene.name} of the level so far", self.scene.unit, self.scene.maximised)
         best = list(self._over_starts(_best_so_far(level, self.scene.maximised) for level in self.messages))
         distinct = list(self._over_starts(_distinct_so_far(level) for level in self.messages))
-        return [self._chart("best", label, best), self._chart("distinct", "distinct optima so far", distinct)]
+        return [self._chart("best", label, best), self._chart("distinct", DISTINCT, distinct)]
 
     def _over_starts(self, curves: Iterator[np.ndarray]) -> Iterator[np.ndarray]:
         """Yield the curve of each level over the starts of all levels, NaN at those of others."""
@@ -217,10 +222,15 @@ class FinishedPlan:
             whole[last - len(curve) : last] = curve
             yield whole
 
+    @property
+    def _instants(self) -> np.ndarray:
+        """Where starts stand in charts: around the number of their level."""
+        return self._panel.across - 0.5
+
     def _chart(self, name: str, label: str, curves: Sequence[np.ndarray]) -> DrawnChart:
-        instants = self._panel.across
+        instants = self._instants
         shown = np.stack([np.tile(instants, len(curves)), np.concatenate(curves)], axis=1)
-        edges = np.array([[0.0, np.nanmin(shown[:, 1])], [len(self.messages), np.nanmin(shown[:, 1])]])
+        edges = np.array([[-0.5, np.nanmin(shown[:, 1])], [len(self.messages) - 0.5, np.nanmin(shown[:, 1])]])
         chart = Chart(
             entity=f"charts/{name}",
             title=label,

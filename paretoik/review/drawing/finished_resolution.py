@@ -17,7 +17,7 @@ from paretoik.review.drawing.legend import Legend
 from paretoik.review.drawing.legend_entries import resolution_entries
 from paretoik.review.drawing.motion_scene import MotionScene
 from paretoik.review.drawing.recording_layout import TEXT, Layout, note_view, text_view
-from paretoik.review.drawing.resolution_text import motion_text, step_text
+from paretoik.review.drawing.resolution_text import damping_unit, motion_text, speed_unit, step_text
 from paretoik.review.drawing.search_charts import DrawnChart
 from paretoik.review.drawing_options import DRAWING
 from paretoik.review.palette import SCREEN, Colour
@@ -132,13 +132,19 @@ class FinishedResolution:
         shown, unit = [self.end.motions[0], *self._beside], self.scene.error_unit
         kept = np.log10(max(self.scene.tolerance, SMALLEST))
         tolerance = self._limit(kept, "tolerance" if len(shown) > 1 else "", SCREEN.limit)
-        error = self._chart(
-            "error", f"log10 of the task error [{unit}]", [_logarithm(each.error) for each in shown], [tolerance]
-        )
+        errors = [_logarithm(each.error) for each in shown]
+        moving = [np.append(curve[1:2], curve[1:]) for curve in errors]  # at its start an arm is often exact
+        error = self._chart("error", f"log10 of the task error [{unit}]", errors, [tolerance], moving)
         error = replace(error[0], total=VIEW), error[1], error[2]
-        speed = self._chart("speed", "commanded joint speed [rad/s, m/s]", [_steps(each.speed) for each in shown])
+        speeds, damping = speed_unit(self.scene.workcell.arm), damping_unit(self.scene)
+        speed = self._chart(
+            "speed", f"commanded joint speed, all joints [{speeds}]", [_steps(each.speed) for each in shown]
+        )
         charts = [error, speed]
-        for name, label in (("damping", "damping"), ("repulsion", "joint speed away from limits [rad/s, m/s]")):
+        for name, label in (
+            ("damping", f"damping [{damping}]"),
+            ("repulsion", f"joint speed away from limits [{speeds}]"),
+        ):
             curves = [_steps(getattr(each, name)) for each in shown]
             if any(np.nanmax(np.abs(curve), initial=0.0) > 0 for curve in curves):
                 charts.append(self._chart(name, label, curves))
@@ -161,7 +167,7 @@ class FinishedResolution:
             return None
         motions = self.end.motions
         shown = [np.stack([each.time, _steps(curve)], axis=1) for each in motions for curve in each.criteria.T]
-        label = "joint speed from criteria [rad/s, m/s]"
+        label = f"speed from criteria [{speed_unit(self.scene.workcell.arm)}]"
         return Chart(
             entity="charts/criteria",
             title=label,
@@ -177,14 +183,20 @@ class FinishedResolution:
         return [*(chart for chart, _, _ in self._charts), *own]
 
     def _chart(
-        self, name: str, label: str, curves: Sequence[np.ndarray], limits: Sequence[LimitLine] = ()
+        self,
+        name: str,
+        label: str,
+        curves: Sequence[np.ndarray],
+        limits: Sequence[LimitLine] = (),
+        seen: Sequence[np.ndarray] | None = None,
     ) -> DrawnChart:
+        """Return a chart with a curve a motion, on axes that hold those or what is to be ``seen`` of them."""
         time = self.end.motions[0].time
         chart = Chart(
             entity=f"charts/{name}",
             title=label,
             labels=("time [s]", label),
-            shown=np.concatenate([np.stack([time, curve], axis=1) for curve in curves]),
+            shown=np.concatenate([np.stack([time, curve], axis=1) for curve in (curves if seen is None else seen)]),
             names=[each.name for each in (self.end.motions[0], *self._beside)],
             colours=[SCREEN.chosen, *(SCREEN.end(axis) for axis in range(len(self._beside)))],
             limits=limits,

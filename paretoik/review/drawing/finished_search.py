@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -84,8 +84,8 @@ class FinishedSearch:
             chart.draw(stream, instants, curves, static=True)
         if self._postures is not None and self._motions is not None:
             self._motions.log_postures(stream, self._postures[2].T)
-        if self.note:
-            stream.log("notes/left_out", rr.TextDocument(self.note), static=True)
+        if self._note:
+            stream.log("notes/left_out", rr.TextDocument(self._note), static=True)
 
     def _log_generation(self, stream: rr.RecordingStream, generation: Generation, moved: int | None) -> None:
         self.scene.log_generation(stream, generation, self._canvases, self._parallel)
@@ -156,11 +156,11 @@ class FinishedSearch:
         for number, point in enumerate(self._walk):
             stream.reset_time()
             stream.set_time("point", sequence=number)
-            self.scene.log_marked(stream, [point], self._canvases, beside=front.objectives)
+            named = self.end.choice is None or point.id != self.end.choice.id  # else it has its name already
+            beside = front.objectives if named else None
+            self.scene.log_looked_at(stream, point, self._canvases, self._parallel, beside=beside)
             words = point_text(front, int(np.flatnonzero(front.ids == point.id)[0]), chosen=self.end.choice)
             stream.log(TEXT, rr.TextDocument(words, media_type="text/markdown"))
-            if self._parallel is not None:
-                self.scene.log_lines(stream, self._parallel, front.objectives[:0], point.objectives, front_too=False)
             if self._motions is not None:
                 self._motions.log_whole(stream, [point])
             if self._postures is not None:
@@ -175,6 +175,12 @@ class FinishedSearch:
         rows = set(np.linspace(0, len(front) - 1, min(len(front), DRAWING.walk)).round().astype(int).tolist())
         rows |= set() if choice is None else {choice.index}
         return [front_point(front, row) for row in sorted(rows)]
+
+    @property
+    def _note(self) -> str:
+        walked, whole = len(self._walk), 0 if self.end.front is None else len(self.end.front)
+        words = f"Of {whole} points {walked} are on the timeline point." if walked < whole else ""
+        return " ".join(filter(None, (self.note, words)))
 
     @cached_property
     def _end_points(self) -> tuple[RecordedPoint, ...]:
@@ -223,7 +229,9 @@ class FinishedSearch:
         standing = all(point.motion is not None and point.motion.is_standing for point in self._end_points)
         if cell is None or front is None or not self._end_points or not standing or front.motions is None:
             return None
-        return posture_chart(cell, front.objectives[:, 0], np.asarray(front.motions.q)[:, 0], self.scene.label(0))
+        postures = np.asarray(front.motions.q)[:, 0]
+        chart, values, curves = posture_chart(cell, front.objectives[:, 0], postures, self.scene.label(0))
+        return replace(chart, title="joint position over the final front"), values, curves
 
     @cached_property
     def _layout(self) -> Layout:
@@ -232,10 +240,10 @@ class FinishedSearch:
         if self._postures is not None:
             joints = [self._postures[0]]
         parallel = [] if self._parallel is None else [self._parallel.view()]
-        notes: list[rrb.View] = [note_view()] if self.note else []
+        notes: list[rrb.View] = [note_view()] if self._note else []
         words = CHOSEN if self.end.front is not None and self.end.choice is not None else "compromise"
         return Layout(
-            legend=Legend(entity="legend", entries=search_entries(self.scene, motions)),
+            legend=Legend(entity="legend", entries=search_entries(self.scene, motions, walked=bool(self._walk))),
             front=self.scene.view() if self._canvases else None,
             charts=[*parallel, *(chart.view() for chart, _, _ in self._charts)],
             arm=None if motions is None else motions.view(),

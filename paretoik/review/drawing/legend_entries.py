@@ -10,10 +10,16 @@ from paretoik.review.palette import SCREEN, Colour
 from paretoik.review.recording.workcell import Workcell
 
 Entry = tuple[str, Colour]
+RESOLUTION_ENTRIES: tuple[Entry, ...] = (
+    ("step damped, shortened, held, limited or missed", SCREEN.failed),
+    ("error from which the path counts as lost: dashed", SCREEN.limit),
+)
 
 
-def search_entries(scene: SearchScene, motions: MotionScene | None, *, chosen: str = "compromise") -> list[Entry]:
-    """Return what is drawn of a search in which colour."""
+def search_entries(
+    scene: SearchScene, motions: MotionScene | None, *, chosen: str = "compromise", walked: bool = False
+) -> list[Entry]:
+    """Return what is drawn of a search in which colour, with the points that are ``walked`` along if there are some."""
     loop = scene.timeline == "step"
     behind = {"level": "dominated", "refinement": "before"}.get(scene.timeline, "population")
     entries: list[Entry] = [("front of the step" if loop else "front", SCREEN.front), (chosen, SCREEN.chosen)]
@@ -23,7 +29,11 @@ def search_entries(scene: SearchScene, motions: MotionScene | None, *, chosen: s
         entries += [("from before to after", SCREEN.moves)] if scene.timeline == "refinement" else []
         if len(scene.names) > 1:
             entries += [(f"best {name}", SCREEN.end(axis)) for axis, name in enumerate(scene.names)]
-    return entries + ([] if motions is None else motion_entries(motions, chosen))
+        entries += [("point looked at", SCREEN.arm)] if walked else []
+    if motions is None:
+        return entries
+    arm = f"arm of the {chosen}" if chosen == "compromise" else "arm"
+    return entries + motion_entries(motions, f"{arm}, or of the point looked at" if walked else arm)
 
 
 def plan_entries(motions: MotionScene | None) -> list[Entry]:
@@ -32,10 +42,11 @@ def plan_entries(motions: MotionScene | None) -> list[Entry]:
         ("start", SCREEN.population),
         ("what it led to", SCREEN.front),
         ("start that led to no optimum", SCREEN.failed),
-        ("best", SCREEN.chosen),
+        ("best, of a level or in the end", SCREEN.chosen),
+        ("optimum looked at", SCREEN.arm),
         ("values of the optima", SCREEN.final),
     ]
-    arms = [] if motions is None else [*motion_entries(motions, "best"), ("arm of the start", SCREEN.end(0))]
+    arms = [] if motions is None else [*motion_entries(motions), ("arm of the start looked at", SCREEN.end(0))]
     return entries + arms
 
 
@@ -43,7 +54,7 @@ def resolution_entries(motions: MotionScene, first: str, others: Sequence[str]) 
     """Return what is drawn of resolved motions in which colour; the ``first`` is drawn solid."""
     named: list[Entry] = [(first, SCREEN.chosen)] if others else []
     named += [(name, SCREEN.end(axis)) for axis, name in enumerate(others)]
-    return [*named, ("step that was not simply done", SCREEN.failed), *motion_entries(motions, first)]
+    return [*named, *RESOLUTION_ENTRIES, *motion_entries(motions)]
 
 
 def maxima_entries(cell: Workcell, word: str) -> list[Entry]:
@@ -55,15 +66,16 @@ def maxima_entries(cell: Workcell, word: str) -> list[Entry]:
         ("arm in the posture of this direction", SCREEN.arm),
         ("postures of those before", SCREEN.ghost),
         ("position of the tool", SCREEN.target),
-        ("limits: dashed", SCREEN.text),
+        ("what motors allow: dashed", SCREEN.text),
     ]
+    entries += [("limits: dashed", SCREEN.text)] if "position" in cell.bounds else []
     return entries + ([("obstacle", SCREEN.obstacle)] if cell.obstacles else [])
 
 
-def motion_entries(motions: MotionScene, chosen: str) -> list[Entry]:
-    """Return what is drawn of motions in which colour."""
+def motion_entries(motions: MotionScene, arm: str = "arm") -> list[Entry]:
+    """Return what is drawn of motions in which colour; ``arm`` says whose is drawn solid."""
     cell = motions.workcell
-    entries: list[Entry] = [(f"arm of the {chosen}" if chosen == "compromise" else "arm", SCREEN.arm)]
+    entries: list[Entry] = [(arm, SCREEN.arm)]
     if cell.link_radius:
         entries.append(("its links", SCREEN.body if cell.arm.is_planar else (*SCREEN.hull[:3], 255)))
     if any(point.motion is not None and not point.motion.is_standing for point in motions.points):
@@ -72,6 +84,10 @@ def motion_entries(motions: MotionScene, chosen: str) -> list[Entry]:
         entries.append(("other postures of the front", SCREEN.ghost))
     if cell.paths:
         entries.append(("path to follow", SCREEN.target))
+    if cell.places:
+        entries.append(("places that count" if len(cell.places) > 1 else next(iter(cell.places)), SCREEN.target))
+    if len(cell.directions):
+        entries.append(("directions", SCREEN.target))
     if cell.obstacles:
         entries.append(("obstacle", SCREEN.obstacle))
     if any(chart.limits for chart in motions.charts.values()):
@@ -83,4 +99,4 @@ def choice_entries(names: Sequence[str], motions: MotionScene | None) -> list[En
     """Return what is drawn of one or two choices in which colour."""
     colours = (SCREEN.chosen, SCREEN.compared)
     marked: list[Entry] = [(name, colour) for name, colour in zip(names, colours, strict=False)]
-    return [("front", SCREEN.front), *marked, *([] if motions is None else motion_entries(motions, "of the point"))]
+    return [("front", SCREEN.front), *marked, *([] if motions is None else motion_entries(motions))]

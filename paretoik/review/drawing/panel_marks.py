@@ -27,6 +27,7 @@ def log_ends(
     points: Sequence[RecordedPoint],
     names: Sequence[str],
     others: Population | None,
+    of: str = "",
 ) -> None:
     """Mark the best points of the objectives called ``names`` at their ``places`` (points, 2), at the current time.
 
@@ -47,7 +48,7 @@ def log_ends(
         colors=[SCREEN.end(points[row].axis or 0) for row in marks],
         radii=rr.Radius.ui_points(radii),
         labels=[
-            f"point {points[row].id}, {each.replace(chr(10), ', ')}" for row, each in zip(marks, words, strict=True)
+            f"point {points[row].id}{of}, {each.replace(chr(10), ', ')}" for row, each in zip(marks, words, strict=True)
         ],
         show_labels=False,
         draw_order=3.0,

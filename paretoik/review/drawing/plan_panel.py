@@ -60,14 +60,14 @@ class PlanPanel:
         self._log_points(recording, "ends", across[~failed], ends[~failed], SCREEN.front, 3.2, 2.0)
         places = self._places if ended else np.zeros(0)
         self._log_points(recording, "optima", places, self._final[: len(places)], SCREEN.front, 4.5, 3.0)
+        where, best = np.zeros(0), np.zeros(0)  # a level that led to no optimum has no best
         if ended and len(places):
-            best, where = float(self._final[0]), float(places[0])
+            where, best = places[:1], self._final[:1]
         elif np.isfinite(ends[first:]).any():
             row = first + self._best(ends[first:])
-            best, where = float(ends[row]), float(across[row])
-        else:
-            return
-        self._log_points(recording, "best", np.array([where]), np.array([best]), SCREEN.chosen, 6.5, 4.0)
+            where, best = across[row, None], ends[row, None]
+        self._log_points(recording, "best", where, best, SCREEN.chosen, 6.5, 4.0, ["best"])
+        self._log_points(recording, "looked_at", np.zeros(0), np.zeros(0), SCREEN.arm, 6.5, 4.5)
 
     def log_start(self, recording: rr.RecordingStream, number: int) -> None:
         """Mark a start by its number, from 1, and what it led to."""
@@ -77,10 +77,13 @@ class PlanPanel:
         recording.log(f"{ENTITY}/cursor", cursor)
 
     def log_optimum(self, recording: rr.RecordingStream, place: int) -> None:
-        """Mark a final optimum by its place."""
+        """Mark a final optimum that is looked at by its place; the best, which is marked anyway, stays the best."""
+        if place == 0:
+            self._log_points(recording, "looked_at", np.zeros(0), np.zeros(0), SCREEN.arm, 6.5, 4.5)
+            return
         where = self._places[min(place, DRAWING.optima - 1), None]
         value = np.array([self.optima[place].point.objectives[0]])
-        self._log_points(recording, "best", where, value, SCREEN.chosen, 6.5, 4.0)
+        self._log_points(recording, "looked_at", where, value, SCREEN.arm, 6.5, 4.5, [f"optimum {place}"])
 
     @cached_property
     def starts(self) -> Values:
@@ -160,11 +163,17 @@ class PlanPanel:
         colour: Colour,
         radius: float,
         order: float,
+        names: Sequence[str] | None = None,
     ) -> None:
         places = np.stack([across, np.clip(values, self.canvas.low[1], self.canvas.high[1])], axis=1)
         seen = np.isfinite(values)
         drawn = rr.Points2D(
-            self.canvas.place(places[seen]), colors=colour, radii=rr.Radius.ui_points(radius), draw_order=order
+            self.canvas.place(places[seen]),
+            colors=colour,
+            radii=rr.Radius.ui_points(radius),
+            labels=names if names and seen.any() else None,
+            show_labels=bool(names),
+            draw_order=order,
         )
         recording.log(f"{ENTITY}/{layer}", drawn)
 

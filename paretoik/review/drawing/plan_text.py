@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from paretoik.review.drawing.plan_panel import PlanPanel
-from paretoik.review.drawing.point_text import run_text
+from paretoik.review.drawing.point_text import counted, run_text
 from paretoik.review.drawing.screen_text import screen_text
 from paretoik.review.drawing_options import DRAWING
 from paretoik.review.recording.planned import PlanEnd, PlannedLevel, PlannedOptimum, PlannedScene
@@ -19,15 +19,17 @@ def level_text(panel: PlanPanel, level: PlannedLevel) -> str:
     failed = int((~np.isfinite(level.ends)).sum())
     lines = [
         f"# Level {level.number}: {level.samples} samples",
-        f"{_count(len(level.starts), 'start')}, {_count(len(level.optima), 'distinct optimum', 'distinct optima')}"
+        f"{counted(len(level.starts), 'start')}, {counted(len(level.optima), 'distinct optimum', 'distinct optima')}"
         + (f"; {failed} of the starts led to none." if failed else "."),
     ]
     if beyond := panel.beyond(level):
-        lines.append(f"{_count(beyond, 'start')} too far off for the picture: drawn at its edge.")
+        lines.append(f"{counted(beyond, 'start')} too far off for the picture: drawn at its edge.")
+    if len(panel.levels) > 1:
+        lines.append("Values of different levels are not comparable: a motion of other samples has another value.")
     lines += ["", "## Optima of the level", ""]
     for place, value in enumerate(level.optima[: DRAWING.optima]):
         hits = int((motions.optimum == place).sum())
-        lines.append(f"- {place}: {_value(scene, value)}, from {_count(hits, 'start')}")
+        lines.append(f"- {place}: {_value(scene, value)}, from {counted(hits, 'start')}")
     lines += _further(len(level.optima))
     return screen_text("\n".join(lines))
 
@@ -36,7 +38,7 @@ def start_text(scene: PlannedScene, level: PlannedLevel, row: int) -> str:
     """Return what is to be known of the start of a level at a row."""
     optimum = int(level.motions.optimum[row])
     lines = [
-        f"# Start {row + 1} of {len(level.starts)}, {level.samples} samples",
+        f"# Start {row + 1} of the {len(level.starts)} of level {level.number}, {level.samples} samples",
         f"- begins with {_value(scene, level.starts[row])}",
     ]
     if np.isfinite(level.ends[row]):
@@ -50,15 +52,17 @@ def start_text(scene: PlannedScene, level: PlannedLevel, row: int) -> str:
     return screen_text("\n".join(lines))
 
 
-def optimum_text(scene: PlannedScene, optima: Sequence[PlannedOptimum], place: int) -> str:
-    """Return what is to be known of a final optimum."""
+def optimum_text(scene: PlannedScene, optima: Sequence[PlannedOptimum], place: int, count: int) -> str:
+    """Return what is to be known of a final optimum, of ``count`` in all."""
     optimum, best = optima[place], optima[0]
     value, least = float(optimum.point.objectives[0]), float(best.point.objectives[0])
     lines = [
-        f"# Optimum {place} of {len(optima)}" + (", the best" if place == 0 else ""),
+        f"# Optimum {place} ({place + 1} of {count})" + (", the best" if place == 0 else ""),
         f"- **{scene.name}**{', more is better' if scene.maximised else ''}: {_value(scene, value)}"
-        + (f", {abs(value - least) / max(abs(least), 1e-300):.2%} worse than the best" if place else ""),
-        f"- branch {_branch(optimum)}" if optimum.branch else "",
+        + (f", {100 * abs(value - least) / max(abs(least), 1e-300):.3g}% worse than the best" if place else ""),
+        f"- branch {_branch(optimum)}: how each inner joint is bent, `~` before one that passes through straight"
+        if optimum.branch
+        else "",
         f"- {optimum.status} (local)",
         f"- violation {optimum.violation_between:.2g} of a limit's range on a finer grid"
         if np.isfinite(optimum.violation_between)
@@ -67,14 +71,15 @@ def optimum_text(scene: PlannedScene, optima: Sequence[PlannedOptimum], place: i
     return screen_text("\n".join(line for line in lines if line))
 
 
-def plan_end_text(scene: PlannedScene, end: PlanEnd) -> str:
-    """Return what is to be known of a plan."""
-    lines = [optimum_text(scene, end.optima, 0), "", "## Optima", ""]
+def plan_end_text(scene: PlannedScene, end: PlanEnd, starts: int) -> str:
+    """Return what is to be known of a plan that had so many starts over all its levels."""
+    lines = [optimum_text(scene, end.optima, 0, len(end.optima)), "", "## Optima", ""]
     lines += [
         f"- {place}: {_value(scene, each.point.objectives[0])}" + (f", {_branch(each)}" if each.branch else "")
         for place, each in enumerate(end.optima[: DRAWING.optima])
     ]
-    return screen_text("\n".join([*lines, *_further(len(end.optima)), "", run_text(end.provenance)]))
+    lines += [*_further(len(end.optima)), "", f"All levels together had {counted(starts, 'start')}."]
+    return screen_text("\n".join([*lines, "", run_text(end.provenance)]))
 
 
 def _branch(optimum: PlannedOptimum) -> str:
@@ -87,7 +92,3 @@ def _further(count: int) -> list[str]:
 
 def _value(scene: PlannedScene, value: float) -> str:
     return f"{value:.5g} {scene.unit}".rstrip()
-
-
-def _count(number: int, one: str, many: str = "") -> str:
-    return f"{number} {one if number == 1 else many or one + 's'}"

@@ -16,8 +16,14 @@ from paretoik.review.recording.recorder import Generation
 
 SETTINGS = ("population", "generations", "seed", "points", "starts", "refine", "solver", "weights", "warm_start")
 
-COUNTS = ("generations", "evaluations", "steps", "levels", "starts", "optima", "converged", "improved", "seconds")
-FACTS = {"problem": "problem", "status": "ended by"}
+COUNTS = ("generations", "evaluations", "steps", "levels", "starts", "optima")
+ENDINGS = {  # what a run that came to its end says of that; others say why they did not
+    "epsilon": "the sweep is complete",
+    "optima": "all starts were tried",
+    "refined": "all points were refined",
+    "resolved": "all steps were taken",
+    "maxima": "all directions were searched",
+}
 
 
 def choice_text(front: Front, choice: Choice, *, title: str = "chosen") -> str:
@@ -29,7 +35,7 @@ def point_text(front: Front, row: int, *, chosen: Choice | None) -> str:
     """Return what is to be known of any point of a front."""
     if chosen is not None and chosen.index == row:
         return choice_text(front, chosen)
-    return _point_text(front, row, f"one of {len(front)}", "")
+    return _point_text(front, row, f"number {row + 1} of {len(front)} along the front", "")
 
 
 def _point_text(front: Front, row: int, title: str, reason: str) -> str:
@@ -58,24 +64,48 @@ def text_of(scene: SearchScene, generation: Generation, moved: int | None = None
 
 def _generation_text(scene: SearchScene, generation: Generation, moved: int | None) -> str:
     size = front_size(generation)
-    summary = f"{size} {'point' if size == 1 else 'points'} on the front"
+    summary = f"{counted(size, 'point')} on the front"
     if generation.hypervolume is not None:
-        summary += f", hypervolume {generation.hypervolume:.4g}"
+        summary += f", hypervolume {generation.hypervolume:.4g} {scene.volume_unit}"
     summary += f"; {generation.failed} evaluations failed so far." if generation.failed else "."
     lines = [f"# {_heading(scene, generation)}", summary]
+    if not size:
+        lines += ["", _why_empty(generation)]
     chosen = next((point for point in generation.points if point.axis is None), None)
     if len(generation.front):
         best = scene.best(generation.front)
         lines += [
             f"- **{scene.names[axis]}**: best {_value(best[axis], scene.units[axis])}"
-            + ("" if chosen is None else f", compromise {chosen.objectives[axis]:.4g}")
+            + ("" if chosen is None else f", compromise {_value(chosen.objectives[axis], scene.units[axis])}")
             for axis in range(len(scene.names))
         ]
     if chosen is not None:
-        lines += ["", f"The compromise, point {chosen.id}, is {COMPROMISE_IN_WORDS}."]  # a paragraph below the list
+        lines += ["", f"The compromise, {_named(scene, generation, chosen.id)}, is {COMPROMISE_IN_WORDS}."]
     if moved is not None and moved != generation.number:
         lines += ["", f"The arm shows generation {moved}: these motions were not kept."]
     return "\n".join(lines)
+
+
+def beginning_text(first: int) -> str:
+    """Return what is to be known of a closed loop before its ``first`` step."""
+    return (
+        f"# Step 0\n\nThe arm stands where it begins: nothing was searched for, so there is no front. "
+        f"The first is that of step {first}."
+    )
+
+
+def _named(scene: SearchScene, generation: Generation, number: int) -> str:
+    """Return what a point is called; those of a sweep are numbered anew at its end."""
+    if scene.timeline != "level":
+        return f"point {number}"
+    return f"point {number} of level {generation.number} (the final front numbers its points anew)"
+
+
+def _why_empty(generation: Generation) -> str:
+    count = len(generation.population)
+    if not count:
+        return "Nothing could be evaluated yet."
+    return f"None of the {counted(count, 'individual')} keeps all limits: a front has only points that do."
 
 
 def _heading(scene: SearchScene, generation: Generation) -> str:
@@ -85,12 +115,15 @@ def _heading(scene: SearchScene, generation: Generation) -> str:
 
 
 def _step_text(scene: SearchScene, generation: Generation) -> str:
-    lines = [f"# Step {generation.number}", f"{len(generation.front)} points on its front."]
+    count = len(generation.front)
+    lines = [f"# Step {generation.number}", f"{counted(count, 'point')} on its front."]
+    if count == 1:
+        lines += ["", "One point has no range to have a share of: it is drawn in the middle.", ""]
     if generation.chosen is not None and len(generation.front):
         low, high = generation.front.min(axis=0), generation.front.max(axis=0)
         lines += [
             f"- **{name}**: chosen {generation.chosen[axis]:.6g} {scene.units[axis]}, the front from "
-            f"{low[axis]:.6g} to {high[axis]:.6g}"
+            f"{low[axis]:.6g} to {high[axis]:.6g} {scene.units[axis]}"
             for axis, name in enumerate(scene.names)
         ]
     return "\n".join(lines)
@@ -103,7 +136,8 @@ def _objectives(front: Front, row: int) -> str:
         sense = ", more is better" if front.maximised[axis] else ""
         lines.append(
             f"- **{name}{sense}**: {_value(front.objectives[row, axis], front.units[axis])}; on the front "
-            f"{low:.4g} to {high:.4g}, {front.shares[row, axis]:.0%} of that from the best"
+            f"{low:.4g} to {_value(high, front.units[axis])}"
+            + (f", {front.shares[row, axis]:.0%} of the way from the best to the worst" if high > low else "")
         )
     return "\n".join(lines)
 
@@ -113,7 +147,8 @@ def _certificate(front: Front, row: int) -> str:
     assert certificates is not None
     lines = [
         f"- {certificates.status[row]} (local)" + (f": {certificates.reason[row]}" if certificates.reason[row] else ""),
-        f"- criticality χ {certificates.kkt_residual[row]:.2g} of the ranges",
+        f"- criticality χ {certificates.kkt_residual[row]:.2g} of the objectives' ranges: what all could still gain at "
+        "once",
         f"- violation {certificates.violation[row]:.2g} at samples, {certificates.violation_between[row]:.2g} between, "
         "of a limit's range",
     ]
@@ -137,12 +172,30 @@ def _rates(front: Front, row: int) -> str:
 def run_text(provenance: Mapping[str, Any]) -> str:
     """Return what is to be known of a run: its problem, settings, and how long it took; "" for nothing."""
     settings = dict(provenance.get("settings") or {})
-    shown = [f"- {name.replace('_', ' ')}: {settings[name]}" for name in SETTINGS if settings.get(name) is not None]
-    counts = provenance.get("counts") or {}
-    took = [f"{counts[name]} {name}" for name in COUNTS if name in counts]
-    heads = [f"- {word}: {provenance[name]}" for name, word in FACTS.items() if provenance.get(name)]
-    lines = heads + shown + ([f"- took {', '.join(took)}"] if took else [])
+    shown = [
+        f"- {name.replace('_', ' ')}: {_said(settings[name])}" for name in SETTINGS if settings.get(name) is not None
+    ]
+    counts, status = provenance.get("counts") or {}, provenance.get("status")
+    took = [
+        counted(counts[name], name.removesuffix("s").replace("optima", "optimum"), name)
+        for name in COUNTS
+        if name in counts
+    ]
+    took += [f"{counts['seconds']:.4g} s"] if "seconds" in counts else []
+    heads = [f"- problem: {provenance['problem']}"] if provenance.get("problem") else []
+    heads += [f"- ended: {ENDINGS.get(str(status), status)}"] if status else []
+    results = [f"- {counted(counts[name], 'point')} {name}" for name in ("converged", "improved") if name in counts]
+    lines = heads + shown + ([f"- took {', '.join(took)}"] if took else []) + results
     return "## Run\n\n" + "\n".join(lines) if lines else ""
+
+
+def counted(number: int, one: str, many: str = "") -> str:
+    """Return a number of things in words."""
+    return f"{number} {one if number == 1 else many or one + 's'}"
+
+
+def _said(setting: object) -> str:
+    return {True: "yes", False: "no"}[setting] if isinstance(setting, bool) else str(setting)
 
 
 def _value(value: float, unit: str) -> str:

@@ -71,8 +71,9 @@ def recorded_tab(scene: SearchScene, motions: MotionScene | None, recorded: Reco
     motions = None if motions is None else replace(motions, root="")
     front = any(path.startswith("/front/") for path in entities)
     arm = motions is not None and any(path.startswith("/arm/chosen/") for path in entities)
+    walked = any(path.endswith("/looked_at") for path in entities)
     return Layout(
-        legend=Legend(entity="legend", entries=search_entries(scene, motions)),
+        legend=Legend(entity="legend", entries=search_entries(scene, motions, walked=walked)),
         front=scene.view() if front else None,
         charts=_chart_views("parallel", entities) + _chart_views("charts", entities),
         arm=motions.view() if motions is not None and arm else None,

@@ -31,7 +31,15 @@ def search_charts(scene: SearchScene, generations: Sequence[Generation]) -> list
     if scene.timeline == "step":
         return [_step_chart(scene, axis, numbers, with_front) for axis in range(len(scene.names))]
     volumes = np.array([_number(generation.hypervolume) for generation in with_front])
-    volume = _chart(scene, "hypervolume", "hypervolume", numbers, volumes[None], ["hypervolume"], [SCREEN.front])
+    volume = _chart(
+        scene,
+        "hypervolume",
+        f"hypervolume [{scene.volume_unit}]",
+        numbers,
+        volumes[None],
+        ["hypervolume"],
+        [SCREEN.front],
+    )
     best = np.array([scene.best(generation.front) for generation in with_front]).T
     bests = [
         _chart(
@@ -54,7 +62,7 @@ def search_charts(scene: SearchScene, generations: Sequence[Generation]) -> list
 def series_views(scene: SearchScene) -> list[rrb.View]:
     """Return time series, which can grow: hypervolume, chosen and best values, sizes."""
     kinds = ["best"] if scene.timeline != "step" else ["chosen", "best"]
-    volume = [rrb.TimeSeriesView(origin="search/hypervolume", name="hypervolume")]
+    volume = [rrb.TimeSeriesView(origin="search/hypervolume", name=screen_text(f"hypervolume [{scene.volume_unit}]"))]
     views = [
         rrb.TimeSeriesView(
             origin=rr.new_entity_path(["search", kind, name]), name=screen_text(f"{kind} {scene.label(axis)}")

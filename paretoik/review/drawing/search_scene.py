@@ -25,12 +25,13 @@ from paretoik.review.palette import SCREEN, Colour, screen_label
 from paretoik.review.recording.recorded_point import RecordedPoint
 from paretoik.review.recording.recorder import Generation, Population
 
-Layer = Literal["population", "final", "front", "chosen", "choice", "compared"]
+Layer = Literal["population", "final", "front", "chosen", "looked_at", "choice", "compared"]
 LAYERS: dict[Layer, tuple[Colour, float, float]] = {  # colour, radius, which is drawn above which
     "population": (SCREEN.population, 2.2, 1.0),
     "final": (SCREEN.final, 2.6, 0.5),
     "front": (SCREEN.front, 3.2, 2.0),
     "chosen": (SCREEN.chosen, 6.5, 4.0),
+    "looked_at": (SCREEN.arm, 4.0, 4.5),  # as its arm; smaller, so that an end or a choice below it stays seen
     "choice": (SCREEN.chosen, 6.5, 4.0),
     "compared": (SCREEN.compared, 6.5, 3.5),
 }
@@ -115,7 +116,8 @@ class SearchScene:
         if generation.chosen is not None:
             self.log_points(recording, "chosen", generation.chosen[None], canvases, reference=reference)
         everything = np.concatenate([generation.front, generation.population])
-        self.log_marked(recording, generation.points, canvases, beside=everything)
+        of = f" of level {generation.number}" if self.timeline == "level" else ""  # the final front numbers anew
+        self.log_marked(recording, generation.points, canvases, beside=everything, of=of)
         if parallel is not None:
             marked = [point.objectives for point in generation.points if point.axis is None]
             chosen = marked[0] if marked else generation.chosen
@@ -143,6 +145,7 @@ class SearchScene:
         *,
         ids: Ids | None = None,
         named: bool = False,
+        of: str = "",
         reference: Population | None = None,
         static: bool = False,
         beside: Population | None = None,
@@ -150,8 +153,10 @@ class SearchScene:
     ) -> None:
         """Draw points as a layer of every panel, normalised by the ranges of a ``reference`` front if there is one.
 
+        Where they are ``named``, by their ids, ``of`` says whose these are.
+
         Points outside a window are not drawn, but their numbers are kept with the others. What is chosen has its label,
-        ``words`` or its id, where it covers fewest of the points ``beside`` it.
+        ``words`` or its id, where it covers fewest of the points ``beside`` it, unless these are None.
         """
         colour, radius, order = LAYERS[layer]
         drawn = F if reference is None else _normalise(F, reference)
@@ -162,16 +167,16 @@ class SearchScene:
                 canvas.place(pairwise[seen]),
                 colors=colour,
                 radii=rr.Radius.ui_points(radius),
-                labels=[f"point {number}" for number in ids[seen]] if named and ids is not None else None,
+                labels=[f"point {number}{of}" for number in ids[seen]] if named and ids is not None else None,
                 show_labels=False,
                 draw_order=order,
             )
             recording.log([*self._panel(pair), layer], points, static=static)
             if order > 3.0 and pair == self.panels.pairs[0]:
-                shown = words or [f"point {number}" for number in ids if named] if ids is not None else []
+                shown = words or [f"point {number}{of}" for number in ids if named] if ids is not None else []
                 others = np.concatenate([pairwise, pairwise[:0] if beside is None else beside[:, list(pair)]])
                 label = rr.Points2D([])
-                if shown and seen[:1].any():
+                if shown and beside is not None and seen[:1].any():
                     label = label_beside(canvas, canvas.place(pairwise[0]), shown[0], canvas.place(others), colour)
                 recording.log([*self._panel(pair), layer, "name"], label, static=static)
         if layer != "final":
@@ -186,21 +191,45 @@ class SearchScene:
         canvases: Sequence[Canvas],
         *,
         beside: Population | None = None,
+        of: str = "",
     ) -> None:
-        """Draw the best points of the objectives in their colours, and the chosen one, their labels off ``beside``."""
+        """Draw the best points of the objectives in their colours, and the chosen one, their labels off ``beside``.
+
+        ``of`` says whose ids they have.
+        """
         ends = any(point.axis is not None for point in points)
         for pair, canvas in self._panels(canvases) if ends else ():
             columns = list(pair)
             places = np.array([point.objectives[columns] for point in points])
             others = places[:0] if beside is None else beside[:, columns]
             named = others if pair == self.panels.pairs[0] else None
-            log_ends(recording, self._panel(pair), canvas, places, points, self.names, named)
+            log_ends(recording, self._panel(pair), canvas, places, points, self.names, named, of)
         for row, point in enumerate(points):
             if point.axis is None:
                 best = best_words(points, row, self.names)
-                words = [f"point {point.id}" + (f"\n{best}" if best else "")]
+                words = [f"point {point.id}{of}" + (f"\n{best}" if best else "")]
                 ids, F = np.array([point.id]), point.objectives[None]
-                self.log_points(recording, "chosen", F, canvases, ids=ids, named=True, beside=beside, words=words)
+                self.log_points(
+                    recording, "chosen", F, canvases, ids=ids, named=True, of=of, beside=beside, words=words
+                )
+
+    def log_looked_at(
+        self,
+        recording: rr.RecordingStream,
+        point: RecordedPoint,
+        canvases: Sequence[Canvas],
+        parallel: ParallelAxes | None,
+        *,
+        beside: Population | None,
+    ) -> None:
+        """Mark a point that is looked at, beside the chosen one and the best of the objectives.
+
+        Its name stands off the points ``beside`` it; without these it has none.
+        """
+        F = point.objectives[None]
+        self.log_points(recording, "looked_at", F, canvases, ids=np.array([point.id]), named=True, beside=beside)
+        if parallel is not None:
+            recording.log(f"{parallel.entity}/looked_at", parallel.lines(F, SCREEN.arm, 2.2, 5.0))
 
     def log_lines(
         self,
@@ -210,19 +239,22 @@ class SearchScene:
         chosen: Values | None,
         *,
         reference: Population | None = None,
-        front_too: bool = True,
     ) -> None:
         """Draw a front, and on top its chosen point, in parallel coordinates."""
         drawn = front if reference is None else _normalise(front, reference)
-        if front_too:
-            recording.log(f"{parallel.entity}/front", parallel.lines(drawn, SCREEN.lines, 0.6, 1.0))
+        recording.log(f"{parallel.entity}/front", parallel.lines(drawn, SCREEN.lines, 0.6, 1.0))
         if chosen is not None:
             row = chosen[None] if reference is None else _normalise(chosen[None], reference)
             recording.log(f"{parallel.entity}/chosen", parallel.lines(row, SCREEN.chosen, 2.2, 4.0))
 
     def label(self, axis: int) -> str:
         """Return the label of an objective."""
-        return screen_label(self.names[axis], self.units[axis], self.maximised[axis])
+        return screen_label(self.names[axis], self.units[axis] or "1", self.maximised[axis])
+
+    @property
+    def volume_unit(self) -> str:
+        """Unit of the hypervolume: the product of the objectives' units."""
+        return " · ".join(unit for unit in self.units if unit) or "1"
 
     def best(self, front: Objectives) -> Values:
         """Return the best value of each objective on a front of at least one point."""
@@ -245,8 +277,9 @@ def _escape(part: str) -> str:
 
 
 def _normalise(F: Objectives, reference: Population) -> Objectives:
+    """Return points as shares of the ranges of a front; in the middle where it has but one value, as all are best."""
     low, width = reference.min(axis=0), np.ptp(reference, axis=0)
-    normalised: Objectives = (F - low) / np.where(width > 0, width, 1.0)
+    normalised: Objectives = np.where(width > 0, (F - low) / np.where(width > 0, width, 1.0), 0.5)
     return normalised
 
 

@@ -52,7 +52,9 @@ def test_a_resolved_motion_has_everything_of_the_checklist_at_every_instant(tmp_
 
 def test_motions_of_several_numbers_of_a_method_move_together_and_one_by_one(tmp_path):
     method = pk.methods.DampedLeastSquares(damping=np.array([0.01, 0.05, 0.2]))
-    motion = pk.resolve(pk.arms.tringali_3r(), PATH, method, start=START, unreachable="track", out=tmp_path)
+    limits = pk.Limits(position=0.8, velocity=1.5)
+    arm = pk.arms.tringali_3r()
+    motion = pk.resolve(arm, PATH, method, start=START, limits=limits, unreachable="track", out=tmp_path)
     file = tmp_path / "review.rrd"
     entities = read(file)
     instants = {"motion": (0, SECOND), "solution": (0, 1, 2)}
@@ -61,11 +63,53 @@ def test_motions_of_several_numbers_of_a_method_move_together_and_one_by_one(tmp
     assert not missing_entities(file, ["/arm/motion\\ 1/links", "/arm/motion\\ 2/links"], {"motion": (0,)})
     texts = rows(entities["/text"], "solution", "text")
     assert [str(texts[number][0]).splitlines()[0] for number in range(3)] == [
-        f"# DampedLeastSquares, motion {number} of 3" for number in range(3)
+        f"# DampedLeastSquares, motion {number} ({number + 1} of 3)" for number in range(3)
     ]
+    for number, damping in enumerate((0.01, 0.05, 0.2)):
+        words = str(texts[number][0])
+        assert f"- damping: {damping} m/rad" in words
+        assert _broken(words) == _worst(motion[number])
+        assert _broken(words)
     marks = rows(entities["/charts/error/marks"], "solution", "positions")
     assert [len(marks[number]) for number in range(3)] == (motion.traces.status != "done").sum(axis=-1).tolist()
     assert {"● motion 0", "● motion 2"} <= set(static_words(entities["/legend/words"]))
+
+
+def _broken(words: str) -> dict[str, str]:
+    """Return the worst value of each joint's limit that a text calls broken, by the name of both."""
+    lines = [line[4:] for line in words.splitlines() if "; broken by up to" in line]
+    return {line.split("**")[0]: line.split("reaches ")[1].split()[0] for line in lines}
+
+
+def _worst(motion) -> dict[str, str]:
+    """Return the same of a motion of joints that are to keep to 0.8 rad and 1.5 rad/s."""
+    worst = {}
+    for kind, limit, values in (("position", 0.8, motion.q), ("velocity", 1.5, motion.dq)):
+        for joint, name in enumerate(motion.arm.joint_names):
+            most = max(values[:, joint], key=abs)
+            if abs(most) > limit:
+                worst[f"{name}, {kind}"] = f"{most:.3g}"
+    return worst
+
+
+def test_a_resolved_motion_that_keeps_its_limits_is_said_to(tmp_path):
+    near = pk.line([0.4678, 0.0], [0.46, 0.01], duration=1.0, samples=21)
+    method, limits = pk.methods.PseudoInverse(), pk.Limits(position=2.0, velocity=1.5)
+    pk.resolve(pk.arms.tringali_3r(), near, method, start=START, limits=limits, out=tmp_path)
+    words = last_text(read(tmp_path / "review.rrd")["/text"], "motion", 0)
+    assert "Limits of joints are kept at all samples." in words
+    assert "broken" not in words
+
+
+def test_the_exact_start_of_a_motion_does_not_stretch_the_axis_of_errors(tmp_path):
+    method = pk.methods.PseudoInverse()
+    motion = pk.resolve(pk.arms.tringali_3r(), PATH, method, start=START, unreachable="track", out=tmp_path)
+    entities = read(tmp_path / "review.rrd")
+    ticks = [float(word) for word in static_words(entities["/charts/error/labels"]) if word.strip("-.").isdigit()]
+    errors = np.log10(np.abs(motion.traces.errors).max(axis=-1)[1:])
+    assert min(ticks) > errors.min() - 1.0
+    legend = static_words(entities["/legend/words"])
+    assert "● error from which the path counts as lost: dashed" in legend
 
 
 def test_of_many_motions_some_are_shown_and_a_note_says_so(tmp_path):
@@ -115,6 +159,9 @@ def test_directional_maxima_grow_direction_by_direction(tmp_path, quantity):
     assert f"/charts/{limited}/limits" in entities
     unit = "m/s" if quantity == "velocity" else "N"
     words = str(rows(entities["/text"], "direction", "text")[3][0])
+    legend = static_words(entities["/legend/words"])
+    assert "● what motors allow: dashed" in legend
+    assert ("● limits: dashed" in legend) == ("/charts/position/limits" in entities)
     assert f"{polygon.values[2]:.4g} {unit}" in words
     assert any(word.endswith(f"[{unit}]") for word in static_words(entities["/maxima/axes/labels"]))
 
@@ -129,6 +176,8 @@ def test_maxima_in_space_are_rays_on_axes_of_speed(tmp_path):
     instants = {"direction": (1, 3)}
     assert not blank_views(file, instants)
     assert not missing_entities(file, [path for path in MAXIMA if path != "/maxima/axes/grid"], instants)
+    texts = rows(read(file)["/text"], "direction", "text").values()
+    assert all("e-" not in line for text in texts for line in str(text[0]).split("## Run")[0].splitlines())
     words = static_words(read(file)["/maxima/axes/labels"])
     assert [f"{axis} [m/s]" for axis in "xyz"] == words[-3:]
     assert "/maxima" in views(file).values()

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import paretoik as pk
+from paretoik.front.compromise import compromise
 from tests.review.children import children
-from tests.review.reading import blank_views, last_text, missing_entities, read, rows, static_words
+from tests.review.reading import blank_views, last_text, missing_entities, read, rows, static_values, static_words
 
 SECOND = 1_000_000_000  # durations are nanoseconds
 
@@ -74,7 +75,13 @@ def test_everything_of_the_checklist_is_there_at_every_instant_of_a_plan(plan):
     for chart in LIMITS:
         assert f"{chart}/limits" in entities or f"{chart}/limits_beyond" in entities
     assert static_words(entities["/objective/labels"])[-1] == "kinetic_energy [J s]"
-    assert {"● start", "● best", "● obstacle", "● limits: dashed"} <= set(static_words(entities["/legend/words"]))
+    assert {
+        "● start",
+        "● best, of a level or in the end",
+        "● optimum looked at",
+        "● obstacle",
+        "● limits: dashed",
+    } <= set(static_words(entities["/legend/words"]))
 
 
 def test_a_plan_ends_on_its_optima_and_its_best_moves(plan):
@@ -88,8 +95,35 @@ def test_a_plan_ends_on_its_optima_and_its_best_moves(plan):
         assert sorted(series) == np.round(time * SECOND).astype(int).tolist()
         np.testing.assert_array_equal(np.stack([series[at] for at in sorted(series)]), getattr(found.best.motion, name))
     words = last_text(entities["/text"], "level", 9)
-    assert words.startswith(f"# Optimum 0 of {len(found.optima)}, the best")
+    assert f"All levels together had {sum(plan[1])} starts." in words
+    assert words.startswith(f"# Optimum 0 (1 of {len(found.optima)}), the best")
     assert f"`{found.best.label}`" in words
+
+
+def test_the_cursor_of_a_plan_stands_on_its_level_and_ticks_are_whole(plan):
+    entities = read(plan[2])
+    for chart in ("best", "distinct"):
+        words = static_words(entities[f"/charts/{chart}/labels"])
+        across = words[: words.index("level")]
+        assert across == [str(number) for number in range(len(across))]
+        labels = static_values(entities[f"/charts/{chart}/labels"], "positions")[: len(across)]
+        cursors = rows(entities[f"/charts/{chart}/cursor"], "level", "strips")
+        for number, (x, _) in enumerate(labels):
+            np.testing.assert_allclose([place[0] for place in cursors[number][0]], x, atol=1e-3)
+    assert "not comparable" in last_text(entities["/text"], "level", 0)
+
+
+def test_best_is_the_best_while_another_optimum_is_looked_at(plan, tmp_path):
+    found, _, file = plan
+    several = found if len(found.optima) > 1 else pk.plan(problem(pk.kinetic_energy), starts=12, out=tmp_path)
+    entities = read(file if several is found else tmp_path / "review.rrd")
+    best = rows(entities["/objective/best"], "optimum", "labels")
+    seen = rows(entities["/objective/looked_at"], "optimum", "labels")
+    assert list(best) == [0]  # it is marked once and stays
+    assert best[0].tolist() == ["best"]
+    assert {place: words.tolist() for place, words in seen.items() if len(words)} == {
+        place: [f"optimum {place}"] for place in range(1, len(several.optima))
+    }
 
 
 def test_every_start_of_a_plan_leads_to_what_is_drawn_of_it(plan):
@@ -187,6 +221,31 @@ def test_an_epsilon_front_has_everything_of_the_checklist_at_every_level(fronts)
     assert bounded
     assert bounded.items() <= dict(zip(front.names, front.units, strict=True)).items()
     assert "● ε: bound of this level" in static_words(entities["/legend/words"])
+
+
+def test_a_point_looked_at_is_marked_beside_the_compromise_which_stays_where_it_is(fronts):
+    folder, front, _, _ = fronts
+    entities = read(folder / "front" / "review.rrd")
+    seen = rows(entities[f"{PANEL}/looked_at"], "point", "labels")
+    assert [seen[place].tolist() for place in range(len(front))] == [[f"point {number}"] for number in front.ids]
+    chosen = rows(entities[f"{PANEL}/chosen"], "point", "labels")
+    assert {place: words.tolist() for place, words in chosen.items()} == {0: [f"point {compromise(front).id}"]}
+    assert list(rows(entities[f"{PANEL}/ends"], "point", "positions")) == [0]
+    words = static_words(entities["/legend/words"])
+    assert {"● point looked at", "● arm of the compromise, or of the point looked at"} <= set(words)
+
+
+def test_points_of_a_level_are_named_by_it_as_the_final_front_numbers_anew(fronts):
+    folder, front, _, _ = fronts
+    entities = read(folder / "front" / "review.rrd")
+    texts = rows(entities["/text"], "level", "text")
+    names = rows(entities[f"{PANEL}/chosen"], "level", "labels")
+    last = max(names)
+    assert names[last].tolist() == [f"point {compromise(front).id}"]
+    for level in set(names) - {last}:
+        (name,) = names[level].tolist()
+        assert name.endswith(f" of level {level}")
+        assert f"{name} (the final front numbers its points anew)" in str(texts[level][0])
 
 
 def test_a_refinement_shows_before_and_after_and_where_points_came_from(fronts):

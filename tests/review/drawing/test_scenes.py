@@ -94,6 +94,9 @@ def test_everything_of_the_checklist_is_there_at_every_instant(run):
     wanted += ["/arm/directions"] * (name == "directions") + ["/arm/places"] * (
         name in ("directions", "point to point")
     )
+    legend = static_words(entities["/legend/words"])
+    assert ("● directions" in legend) == (name == "directions")
+    assert ("● position" in legend, "● places that count" in legend) == (name == "directions", name == "point to point")
     panels = {"/".join(path.split("/")[:3]) for path in entities if path.startswith("/front/")}
     assert len(panels) == {2: 1, 3: 3}[len(front.names)]
     for panel in panels:
@@ -116,6 +119,7 @@ def test_the_words_are_those_of_what_is_shown(run):
     assert str(by_generation[1][0]).startswith("# Generation 1\n")
     last = str(by_generation[max(by_generation)][0])
     assert "compromise" in last
+    assert " 1 points" not in last
     for name, unit in zip(front.names, front.units, strict=True):
         assert name in last
         assert unit in last
@@ -266,9 +270,16 @@ def test_a_closed_loop_opens_on_the_step_whose_search_was_recorded(tmp_path):
     for timeline, times in {"step": (0, 7, 30), "generation": (0, 5), "individual": (0, 3)}.items():
         for view, origin in views(file).items():
             for time in times:
-                if timeline == "step" and time == 0 and not origin.startswith(("/arm", "/step_7", "/joint", "/legend")):
+                if (
+                    timeline == "step"
+                    and time == 0
+                    and not origin.startswith(("/arm", "/step_7", "/joint", "/legend", "/text"))
+                ):
                     continue  # the first step is step 1
                 drawn = [path for path in shown(entities, origin, timeline, time) if not path.endswith(FRAME)]
                 assert drawn, (view, origin, timeline, time)
+    words = rows(entities["/text"], "step", "text")
+    assert str(words[0][0]).startswith("# Step 0\n\nThe arm stands where it begins")
+    assert str(words[1][0]).startswith("# Step 1\n")
     assert "/arm/obstacles/outlines" in entities
     assert "/step_7/arm/obstacles/outlines" in entities

@@ -1,0 +1,86 @@
+"""What is said beside a picture: whole words, units, and a reason where there is nothing to see."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rerun as rr
+
+from paretoik.review.drawing.point_text import run_text, text_of
+from paretoik.review.drawing.search_charts import search_charts
+from paretoik.review.drawing.search_scene import SearchScene
+from paretoik.review.recording.recorded_point import RecordedPoint
+from paretoik.review.recording.recorder import Generation
+from tests.review.reading import read, rows
+
+
+def scene(timeline: str = "generation") -> SearchScene:
+    return SearchScene(names=("energy", "reach"), units=("J s", ""), maximised=(False, True), timeline=timeline)
+
+
+def generation(front: list[list[float]], **more) -> Generation:
+    F = np.array(front, dtype=float).reshape(-1, 2)
+    population = np.array([[1.0, 2.0], [2.0, 3.0], [4.0, 5.0]])
+    return Generation(number=3, population=population, front=F, front_ids=np.arange(len(F)), **more)
+
+
+def test_an_empty_front_says_why_it_is_empty():
+    words = text_of(scene(), generation([]))
+    assert "0 points on the front." in words
+    assert "None of the 3 individuals keeps all limits" in words
+    assert "keeps all limits" not in text_of(scene(), generation([[1.0, 2.0]]))
+
+
+@pytest.mark.parametrize("timeline", ["generation", "step"])
+def test_one_point_is_one_point(timeline):
+    chosen = np.array([1.0, 2.0]) if timeline == "step" else None
+    words = text_of(scene(timeline), generation([[1.0, 2.0]], chosen=chosen))
+    assert "1 point on " in words
+    assert "1 points" not in words
+
+
+def chosen_place(steps: SearchScene, step: Generation, file: Path) -> np.ndarray:
+    """Return where the chosen point of a step is drawn."""
+    stream = rr.RecordingStream("step")
+    stream.save(file)
+    stream.set_time("step", sequence=step.number)
+    steps.log_generation(stream, step, steps.canvases(step.front))
+    stream.disconnect()
+    return rows(read(file)["/front/energy\\ -\\ reach/chosen"], "step", "positions")[step.number][0]
+
+
+def test_the_only_point_of_a_step_is_drawn_in_the_middle_and_said_to_have_no_range(tmp_path):
+    steps, one = scene("step"), generation([[1.0, 2.0]], chosen=np.array([1.0, 2.0]))
+    assert "no range" in text_of(steps, one)
+    several = generation([[1.0, 2.0], [2.0, 3.0]], chosen=np.array([1.0, 2.0]))
+    assert "no range" not in text_of(steps, several)
+    place = steps.canvases(one.front)[0].place
+    np.testing.assert_allclose(chosen_place(steps, one, tmp_path / "one.rrd"), place(np.array([0.5, 0.5])), rtol=1e-5)
+    corner = place(np.array([0.0, 0.0]))
+    np.testing.assert_allclose(chosen_place(steps, several, tmp_path / "several.rrd"), corner, rtol=1e-5)
+
+
+def test_numbers_of_a_generation_have_their_units():
+    point = RecordedPoint(id=0, objectives=np.array([1.5, 2.0]))
+    both = generation([[1.0, 2.0], [2.0, 3.0]], hypervolume=0.5, points=(point,))
+    words = text_of(scene(), both)
+    assert "hypervolume 0.5 J s." in words
+    assert "best 1 J s, compromise 1.5 J s" in words
+    titles = [chart.labels[1] for chart, _, _ in search_charts(scene(), [both])]
+    assert titles[0] == "hypervolume [J s]"
+    assert titles[2] == "best reach [1] ↑"
+
+
+def test_a_run_is_told_in_words():
+    settings, counts = (
+        {"refine": False, "solver": "auto"},
+        {"starts": 1, "optima": 2, "converged": 1, "seconds": 1.6678},
+    )
+    words = run_text({"status": "optima", "settings": settings, "counts": counts})
+    assert "- ended: all starts were tried" in words
+    assert "- refine: no" in words
+    assert "- took 1 start, 2 optima, 1.668 s" in words
+    assert "- 1 point converged" in words
+    assert "- ended: interrupted" in run_text({"status": "interrupted"})
