@@ -13,8 +13,9 @@ import rerun.blueprint as rrb
 from jaxtyping import Float
 
 from paretoik.review.drawing.arm_meshes import ArmMeshes, find_meshes
-from paretoik.review.drawing.drawn_axes import Canvas, equal_window
+from paretoik.review.drawing.drawn_axes import Canvas, equal_window, labels
 from paretoik.review.drawing.ground import Ground
+from paretoik.review.drawing.label_places import label_place
 from paretoik.review.drawing.link_hulls import LinkHulls
 from paretoik.review.drawing.obstacle_drawing import bodies, extent, hatch, outline
 from paretoik.review.drawing.screen_text import screen_text
@@ -22,6 +23,7 @@ from paretoik.review.palette import SCREEN, Colour
 from paretoik.review.recording.workcell import Workcell
 
 Links = Float[np.ndarray, "rows nodes 3"]
+COVERED = 0.6  # cosine between the ground sign and a link from where on the link lies over the sign
 BEAD_GAP = 0.04  # distance of the beads of a path to follow, as a share of how large the scene is
 
 
@@ -187,10 +189,12 @@ class ArmDrawing:
         """Mark where the arm is mounted: the ground sign of mechanics, or in space a foot."""
         base = self.workcell.arm.base
         if self.planar:
-            x, y = self._canvas.place(base.position[:2])
-            foot = [[(x, y), (x - 9, y + 14), (x + 9, y + 14), (x, y)], [(x - 15, y + 14), (x + 15, y + 14)]]
-            ground = [[(x + d, y + 14), (x + d - 5, y + 20)] for d in (-8, 0, 8, 15)]
-            sign = rr.LineStrips2D([*foot, *ground], colors=SCREEN.base, radii=rr.Radius.ui_points(1.1), draw_order=0.5)
+            foot = [[(0, 0), (-9, 14), (9, 14), (0, 0)], [(-15, 14), (15, 14)]]
+            ground = [[(d, 14), (d - 5, 20)] for d in (-8, 0, 8, 15)]
+            strips = [
+                self._canvas.place(base.position[:2]) + np.array(strip) @ self._foot_turn for strip in [*foot, *ground]
+            ]
+            sign = rr.LineStrips2D(strips, colors=SCREEN.base, radii=rr.Radius.ui_points(1.1), draw_order=0.5)
             recording.log(f"{self.entity}/base", sign, static=True)
             return
         size = 0.05 * float(np.linalg.norm(self._ground.high - self._ground.low))
@@ -204,21 +208,47 @@ class ArmDrawing:
         )
         recording.log(f"{self.entity}/base", pedestal, static=True)
 
+    @property
+    def _foot_turn(self) -> Float[np.ndarray, "2 2"]:
+        """Return the quarter turns of the ground sign: it stands downwards, unless first links would cover it."""
+        base = self.workcell.arm.base.position
+        first = self.nodes[1:][np.linalg.norm(self.nodes[:-1] - base, axis=1) < 1e-9] - base
+        links = (first[:, :2] / np.maximum(np.linalg.norm(first[:, :2], axis=1), 1e-12)[:, None]) * (1.0, -1.0)
+        turns = [np.linalg.matrix_power(np.array([[0.0, 1.0], [-1.0, 0.0]]), number) for number in (0, 1, 3, 2)]
+        nearest = [float((links @ turn[1]).max(initial=-1.0)) for turn in turns]  # the cosine to where it stands
+        return turns[0] if nearest[0] < COVERED else turns[int(np.argmin(nearest))]
+
     def _log_places(self, recording: rr.RecordingStream) -> None:
         cell = self.workcell
         if cell.paths:
             recording.log(f"{self.entity}/target", self._targets(), static=True)
         if cell.places:
             places = np.array(list(cell.places.values()))
-            named = {"labels": list(cell.places), "show_labels": True}
-            recording.log(f"{self.entity}/places", self.points(places, SCREEN.target, 4.0, 1.0, **named), static=True)
+            recording.log(f"{self.entity}/places", self.points(places, SCREEN.target, 4.0, 1.0), static=True)
+            recording.log(f"{self.entity}/places/names", self._names(list(cell.places), places), static=True)
         if len(cell.directions):
             start, ends = next(iter(cell.places.values())), self._arrow_ends
             arrows = self.strips([np.array([start, end]) for end in ends], SCREEN.target, 1.6, 1.0)
             recording.log(f"{self.entity}/directions/lines", arrows, static=True)
             numbers = [f"direction {number + 1}" for number in range(len(ends))]
-            heads = self.points(ends, SCREEN.target, 3.0, 1.0, labels=numbers, show_labels=True)
+            heads = self.points(ends, SCREEN.target, 3.0, 1.0)
             recording.log(f"{self.entity}/directions/heads", heads, static=True)
+            recording.log(f"{self.entity}/directions/heads/names", self._names(numbers, ends), static=True)
+
+    def _names(self, names: Sequence[str], places: Float[np.ndarray, "names 3"]) -> Any:
+        """Return the names of places [m], in the plane off the arms and arrows."""
+        if not self.planar:
+            return self.points(places, SCREEN.target, 0.0, 1.0, labels=names, show_labels=True)
+        starts = next(iter(self.workcell.places.values()))
+        shares = np.linspace(0.0, 1.0, 12)[:, None, None]
+        arrows = (starts + shares * (self._arrow_ends - starts)).reshape(-1, 3)
+        links = self.nodes[:-1] + shares * np.diff(self.nodes, axis=0)  # of one posture after the other
+        others = self.place(np.concatenate([links.reshape(-1, 3), arrows]))
+        at = [
+            label_place(self._canvas, place, name, others)
+            for name, place in zip(names, self.place(places), strict=True)
+        ]
+        return labels(names, np.array(at), SCREEN.target)
 
     def _targets(self) -> Any:
         """Return the paths to follow: below what the tool does a wide line, in space beads on its string.

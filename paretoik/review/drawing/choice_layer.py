@@ -102,6 +102,7 @@ class ChoiceLayer:
                 ids=np.array([choice.id]),
                 named=True,
                 static=True,
+                beside=self.front.objectives,
             )
             if self._parallel is not None:
                 colour = SCREEN.chosen if root == ROOTS[0] else SCREEN.compared

@@ -119,7 +119,7 @@ class FinishedSearch:
         self._at_the_end(stream)
         scene, points = self.scene, self._end_points
         scene.log_points(stream, "front", front.objectives, self._canvases, ids=front.ids, named=True)
-        scene.log_marked(stream, points, self._canvases)
+        scene.log_marked(stream, points, self._canvases, beside=front.objectives)
         if self._parallel is not None:
             chosen = None if self.end.choice is None else self.end.choice.objectives
             scene.log_lines(stream, self._parallel, front.objectives, chosen)
@@ -156,7 +156,9 @@ class FinishedSearch:
         for number, point in enumerate(self._walk):
             stream.reset_time()
             stream.set_time("point", sequence=number)
-            self.scene.log_looked_at(stream, point, self._canvases, self._parallel)
+            named = self.end.choice is None or point.id != self.end.choice.id  # else it has its name already
+            beside = front.objectives if named else None
+            self.scene.log_looked_at(stream, point, self._canvases, self._parallel, beside=beside)
             words = point_text(front, int(np.flatnonzero(front.ids == point.id)[0]), chosen=self.end.choice)
             stream.log(TEXT, rr.TextDocument(words, media_type="text/markdown"))
             if self._motions is not None:

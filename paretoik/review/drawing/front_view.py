@@ -113,7 +113,12 @@ class FrontView:
         if last == "front" and "parallel" in parts[1:2]:
             ids = ids[drawn_rows(len(ids))]
         elif last != "front":
-            own = last == ROOT or parts[1:2] in (["arm"], ["joint_charts"]) or first != ROOT
+            own = (
+                last == ROOT
+                or parts[-2:] == [ROOT, "name"]
+                or parts[1:2] in (["arm"], ["joint_charts"])
+                or first != ROOT
+            )
             return np.array([self._choice.id] if own else [], dtype=np.int64)
         number = item.instance_id
         return np.asarray(ids if number is None else ids[number : number + 1], dtype=np.int64)

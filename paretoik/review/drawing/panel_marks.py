@@ -1,4 +1,4 @@
-"""What else a panel of two objectives shows: the bounds ε of a step of a sweep, and where refined points came from."""
+"""What else a panel of two objectives shows: best points, bounds ε of a sweep, where refined ones came from."""
 
 from __future__ import annotations
 
@@ -8,8 +8,70 @@ import numpy as np
 import rerun as rr
 
 from paretoik.arrays import Objectives, Values
-from paretoik.review.drawing.drawn_axes import Canvas
+from paretoik.review.drawing.drawn_axes import TEXT, Canvas, labels, text_width
+from paretoik.review.drawing.label_places import label_beside
+from paretoik.review.drawing.screen_text import screen_text
 from paretoik.review.palette import SCREEN
+from paretoik.review.recording.recorded_point import RecordedPoint
+from paretoik.review.recording.recorder import Population
+
+END = 5.2  # radius of the mark of a best point [pixels]
+RING = 3.0  # by how much it is wider than a mark on top of it [pixels]
+
+
+def log_ends(
+    recording: rr.RecordingStream,
+    entity: Sequence[str],
+    canvas: Canvas,
+    places: Objectives,
+    points: Sequence[RecordedPoint],
+    names: Sequence[str],
+    others: Population | None,
+    of: str = "",
+) -> None:
+    """Mark the best points of the objectives called ``names`` at their ``places`` (points, 2), at the current time.
+
+    Of those that are one point, or the chosen one, every mark is a ring around the next, and their names stand beside
+    them, off ``others`` (points, 2), unless these are None.
+    """
+    ends = [row for row, point in enumerate(points) if point.axis is not None]
+    chosen = {point.id for point in points if point.axis is None}
+    marks, radii, words = list[int](), list[float](), list[str]()
+    for row in ends:
+        same = [other for other in ends if points[other].id == points[row].id]
+        if canvas.shows(places[row : row + 1])[0]:
+            marks.append(row)
+            radii.append(END + RING * (len(same) - 1 - same.index(row) + (points[row].id in chosen)))
+            words.append(best_words(points, row, names))
+    markers = rr.Points2D(
+        canvas.place(places[marks]),
+        colors=[SCREEN.end(points[row].axis or 0) for row in marks],
+        radii=rr.Radius.ui_points(radii),
+        labels=[
+            f"point {points[row].id}{of}, {each.replace(chr(10), ', ')}" for row, each in zip(marks, words, strict=True)
+        ],
+        show_labels=False,
+        draw_order=3.0,
+    )
+    recording.log([*entity, "ends"], markers)
+    if others is None:
+        return
+    shared = {
+        each: row for row, each in zip(marks, words, strict=True) if "\n" in each and points[row].id not in chosen
+    }
+    at = canvas.place(np.concatenate([others, places]))
+    for number in range(max(1, len(names) // 2)):  # as many as there can be
+        label = rr.Points2D([])
+        if number < len(shared):
+            each, row = list(shared.items())[number]
+            label = label_beside(canvas, canvas.place(places[row]), each, at, SCREEN.text)
+        recording.log([*entity, "ends", f"names_{number}"], label)
+
+
+def best_words(points: Sequence[RecordedPoint], row: int, names: Sequence[str]) -> str:
+    """Return what the point of a row is best in, a line an objective."""
+    same = [point.axis for point in points if point.axis is not None and point.id == points[row].id]
+    return "\n".join(f"best {screen_text(names[axis])}" for axis in same)
 
 
 def log_epsilon(
@@ -17,11 +79,14 @@ def log_epsilon(
     entity: Sequence[str],
     canvas: Canvas,
     epsilon: Values | None,
-    names: tuple[str, str],
+    labelled: tuple[tuple[str, str], tuple[str, str]],
     maximised: tuple[bool, bool],
 ) -> None:
-    """Draw the finite bounds of the two objectives of a panel at the current time; none where ``epsilon`` is None."""
-    strips, words = list[np.ndarray](), list[str]()
+    """Draw the finite bounds of the two objectives of a panel at the current time; none where ``epsilon`` is None.
+
+    ``labelled`` are names and units. What a bound is stands beside the end of its line, within the frame.
+    """
+    strips, words, places = list[np.ndarray](), list[str](), list[np.ndarray]()
     for axis in range(2) if epsilon is not None else ():
         assert epsilon is not None
         bound = epsilon[axis]
@@ -30,16 +95,20 @@ def log_epsilon(
         line = np.stack([canvas.low, canvas.high])
         line[:, axis] = bound
         strips.append(canvas.place(line))
-        words.append(f"ε: {names[axis]} {'≥' if maximised[axis] else '≤'} {bound:.4g}")
-    lines = rr.LineStrips2D(
-        strips,
-        colors=SCREEN.epsilon,
-        radii=rr.Radius.ui_points(1.0),
-        labels=words,
-        show_labels=True,
-        draw_order=0.5,
-    )
+        (name, unit), sense = labelled[axis], "≥" if maximised[axis] else "≤"
+        words.append(f"ε: {name} {sense} {bound:.4g} {unit}".rstrip())
+        places.append(_beside_end(canvas, strips[-1], words[-1]))
+    lines = rr.LineStrips2D(strips, colors=SCREEN.epsilon, radii=rr.Radius.ui_points(1.0), draw_order=0.5)
     recording.log(list(entity), lines)
+    recording.log([*entity, "names"], labels(words, np.array(places).reshape(-1, 2), SCREEN.epsilon))
+
+
+def _beside_end(canvas: Canvas, strip: np.ndarray, words: str) -> np.ndarray:
+    """Return the middle of words beside a line across a panel: where it ends, on the side that has more room."""
+    beside = np.array([0.5 * text_width(words) + 14.0, 0.5 * TEXT.line + 4.0])
+    end, middle = strip[-1], canvas.origin + 0.5 * np.array([canvas.width, canvas.height])
+    inwards = np.where(end > middle, -1.0, 1.0)
+    return np.asarray(end + inwards * beside)
 
 
 def log_moves(

@@ -15,6 +15,9 @@ from paretoik.review.drawing.drawn_axes import TEXT, fitting_ticks, labels, text
 from paretoik.review.drawing_options import DRAWING
 from paretoik.review.palette import SCREEN, Colour
 
+ENDS = 0.6 * TEXT.line  # from an axis's end to the middle of its words [pixels]
+BELOW = 1.3 * TEXT.line  # below axes [pixels]
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ParallelAxes:
@@ -34,27 +37,36 @@ class ParallelAxes:
 
     def view(self) -> rrb.View:
         """Return the view."""
-        y_range = [-TEXT.top - self._stagger, self._height + 16.0]
+        y_range = [-TEXT.top - self._above - self._stagger, self._height + BELOW]
         bounds = rrb.VisualBounds2D(x_range=[-TEXT.left, TOTAL[0] - TEXT.left], y_range=y_range)
         return rrb.Spatial2DView(
             origin=self.entity, name="parallel coordinates", visual_bounds=bounds, background=SCREEN.background
         )
 
     def log(self, recording: rr.RecordingStream, *, static: bool) -> None:
-        """Draw axes, ticks and labels."""
+        """Draw axes, ticks and labels: words of ticks on the outer sides alone, as lines run between axes.
+
+        Inner axes have theirs where they end.
+        """
         strips, words, places = list[np.ndarray](), list[str](), list[tuple[float, float]]()
         for axis, (x, low, high) in enumerate(zip(self._x, self.low, self.high, strict=True)):
             strips.append(np.array([(x, 0.0), (x, self._height)]))
             ticks = fitting_ticks(low, high, room=self._height, size=lambda _: 0.6 * TEXT.line, largest=5)
+            outer = axis in (0, len(self.labels) - 1)
+            side = -1.0 if axis == 0 else 1.0
             for tick in ticks:
                 y = float(self._upwards(np.array(tick), low, high))
                 strips.append(np.array([(x - 4.0, y), (x + 4.0, y)]))
-                words.append(tick_text(tick))
-                places.append((x - 10.0 - 0.5 * text_width(words[-1]), y))
+                if outer:
+                    words.append(tick_text(tick))
+                    places.append((x + side * (10.0 + 0.5 * text_width(words[-1])), y))
+            if not outer:
+                words += [f"{end:.4g}" for end in (high, low)]
+                places += [(x, -ENDS), (x, self._height + ENDS)]
             words.append(self.labels[axis])
             last = self._x[-1] + 0.8 * TEXT.left - 0.5 * text_width(words[-1])
             middle = min(max(x, 0.5 * text_width(words[-1]) - 0.85 * TEXT.left), last) if len(self._x) > 1 else x
-            places.append((middle, -0.95 * TEXT.line - self._stagger * (axis % 2)))
+            places.append((middle, -0.95 * TEXT.line - self._above - self._stagger * (axis % 2)))
         grid = rr.LineStrips2D(strips, colors=SCREEN.frame, radii=rr.Radius.ui_points(0.8), draw_order=3.0)
         recording.log(f"{self.entity}/axes/lines", grid, static=static)
         recording.log(f"{self.entity}/axes/labels", labels(words, np.array(places)), static=static)
@@ -76,7 +88,12 @@ class ParallelAxes:
 
     @property
     def _height(self) -> float:
-        return TOTAL[1] - TEXT.top - self._stagger - 16.0
+        return TOTAL[1] - TEXT.top - self._above - self._stagger - BELOW
+
+    @property
+    def _above(self) -> float:
+        """The height of the words at the upper ends of inner axes."""
+        return TEXT.line if len(self.labels) > 2 else 0.0
 
     @property
     def _stagger(self) -> float:

@@ -10,6 +10,7 @@ import rerun.blueprint as rrb
 from paretoik.review.drawing.curve_charts import TOTAL
 from paretoik.review.drawing.front_panels import VIEW
 from paretoik.review.drawing.legend import Legend
+from paretoik.review.drawing.view_tabs import fitting_tabs
 from paretoik.review.drawing_options import DRAWING
 
 TEXT = "text"  # entity of what is said of the point shown
@@ -124,6 +125,6 @@ def note_view() -> rrb.View:
 
 
 def _column(above: rrb.View | None, below: Sequence[rrb.View]) -> rrb.Container | None:
-    views = ([above] if above is not None else []) + ([rrb.Tabs(*below)] if below else [])
+    views = ([above] if above is not None else []) + ([fitting_tabs(below, VIEW[0])] if below else [])
     shares = [VIEW[1] + TITLE, TOTAL[1] + TITLE][: len(views)]
     return rrb.Vertical(*views, row_shares=shares) if views else None

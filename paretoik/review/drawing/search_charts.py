@@ -55,7 +55,7 @@ def search_charts(scene: SearchScene, generations: Sequence[Generation]) -> list
     ]
     counts = np.array([[front_size(generation), generation.failed] for generation in with_front], dtype=float).T
     colours = [SCREEN.front, SCREEN.failed]
-    sizes = _chart(scene, "counts", "points on the front, failures", numbers, counts, ["front", "failed"], colours)
+    sizes = _chart(scene, "counts", "front points, failures", numbers, counts, ["front", "failed"], colours)
     return [*bests, volume, sizes] if len(scene.names) == 1 else [volume, *bests, sizes]
 
 

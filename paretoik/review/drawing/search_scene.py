@@ -16,7 +16,8 @@ from paretoik.arrays import Ids, Objectives, Values
 from paretoik.formulations.protocol import Timeline
 from paretoik.review.drawing.drawn_axes import Canvas
 from paretoik.review.drawing.front_panels import Pair, Panels
-from paretoik.review.drawing.panel_marks import log_epsilon, log_moves
+from paretoik.review.drawing.label_places import label_beside
+from paretoik.review.drawing.panel_marks import best_words, log_ends, log_epsilon, log_moves
 from paretoik.review.drawing.parallel_axes import ParallelAxes
 from paretoik.review.drawing.screen_text import entity_names, screen_text
 from paretoik.review.drawing_options import DRAWING
@@ -114,8 +115,9 @@ class SearchScene:
         self._log_marks(recording, generation, canvases)
         if generation.chosen is not None:
             self.log_points(recording, "chosen", generation.chosen[None], canvases, reference=reference)
+        everything = np.concatenate([generation.front, generation.population])
         of = f" of level {generation.number}" if self.timeline == "level" else ""  # the final front numbers anew
-        self.log_marked(recording, generation.points, canvases, of=of)
+        self.log_marked(recording, generation.points, canvases, beside=everything, of=of)
         if parallel is not None:
             marked = [point.objectives for point in generation.points if point.axis is None]
             chosen = marked[0] if marked else generation.chosen
@@ -130,9 +132,9 @@ class SearchScene:
                 log_moves(recording, [*self._panel(pair), "moves"], canvas, origins, generation.front[:, columns])
             elif self.timeline == "level":
                 epsilon = None if generation.epsilon is None else generation.epsilon[columns]
-                names = screen_text(self.names[pair[0]]), screen_text(self.names[pair[1]])
+                first, second = ((screen_text(self.names[axis]), self.units[axis]) for axis in pair)
                 maximised = self.maximised[pair[0]], self.maximised[pair[1]]
-                log_epsilon(recording, [*self._panel(pair), "epsilon"], canvas, epsilon, names, maximised)
+                log_epsilon(recording, [*self._panel(pair), "epsilon"], canvas, epsilon, (first, second), maximised)
 
     def log_points(
         self,
@@ -146,12 +148,15 @@ class SearchScene:
         of: str = "",
         reference: Population | None = None,
         static: bool = False,
+        beside: Population | None = None,
+        words: Sequence[str] = (),
     ) -> None:
         """Draw points as a layer of every panel, normalised by the ranges of a ``reference`` front if there is one.
 
         Where they are ``named``, by their ids, ``of`` says whose these are.
 
-        Points outside a window are not drawn, but their numbers are kept with the others.
+        Points outside a window are not drawn, but their numbers are kept with the others. What is chosen has its label,
+        ``words`` or its id, where it covers fewest of the points ``beside`` it, unless these are None.
         """
         colour, radius, order = LAYERS[layer]
         drawn = F if reference is None else _normalise(F, reference)
@@ -163,10 +168,17 @@ class SearchScene:
                 colors=colour,
                 radii=rr.Radius.ui_points(radius),
                 labels=[f"point {number}{of}" for number in ids[seen]] if named and ids is not None else None,
-                show_labels=order > 3.0 and pair == self.panels.pairs[0],
+                show_labels=False,
                 draw_order=order,
             )
             recording.log([*self._panel(pair), layer], points, static=static)
+            if order > 3.0 and pair == self.panels.pairs[0]:
+                shown = words or [f"point {number}{of}" for number in ids if named] if ids is not None else []
+                others = np.concatenate([pairwise, pairwise[:0] if beside is None else beside[:, list(pair)]])
+                label = rr.Points2D([])
+                if shown and beside is not None and seen[:1].any():
+                    label = label_beside(canvas, canvas.place(pairwise[0]), shown[0], canvas.place(others), colour)
+                recording.log([*self._panel(pair), layer, "name"], label, static=static)
         if layer != "final":
             numbers: dict[str, Any] = {"F": F.ravel(), "n_obj": F.shape[1]}
             numbers |= {} if ids is None else {"ids": ids}
@@ -178,30 +190,28 @@ class SearchScene:
         points: Sequence[RecordedPoint],
         canvases: Sequence[Canvas],
         *,
+        beside: Population | None = None,
         of: str = "",
     ) -> None:
-        """Draw the best points of the objectives in their colours, and the chosen one; ``of``: whose ids they have."""
-        ends = [point for point in points if point.axis is not None]
-        for pair, canvas in self._panels(canvases):
-            if not ends:
-                break
-            places = np.array([point.objectives[list(pair)] for point in ends])
-            seen = np.flatnonzero(canvas.shows(places))
-            markers = rr.Points2D(
-                canvas.place(places[seen]),
-                colors=[SCREEN.end(ends[row].axis or 0) for row in seen],
-                radii=rr.Radius.ui_points(5.2),
-                labels=[
-                    f"point {ends[row].id}{of}, best {screen_text(self.names[ends[row].axis or 0])}" for row in seen
-                ],
-                show_labels=False,
-                draw_order=3.0,
-            )
-            recording.log([*self._panel(pair), "ends"], markers)
-        for point in points:
+        """Draw the best points of the objectives in their colours, and the chosen one, their labels off ``beside``.
+
+        ``of`` says whose ids they have.
+        """
+        ends = any(point.axis is not None for point in points)
+        for pair, canvas in self._panels(canvases) if ends else ():
+            columns = list(pair)
+            places = np.array([point.objectives[columns] for point in points])
+            others = places[:0] if beside is None else beside[:, columns]
+            named = others if pair == self.panels.pairs[0] else None
+            log_ends(recording, self._panel(pair), canvas, places, points, self.names, named, of)
+        for row, point in enumerate(points):
             if point.axis is None:
-                ids = np.array([point.id])
-                self.log_points(recording, "chosen", point.objectives[None], canvases, ids=ids, named=True, of=of)
+                best = best_words(points, row, self.names)
+                words = [f"point {point.id}{of}" + (f"\n{best}" if best else "")]
+                ids, F = np.array([point.id]), point.objectives[None]
+                self.log_points(
+                    recording, "chosen", F, canvases, ids=ids, named=True, of=of, beside=beside, words=words
+                )
 
     def log_looked_at(
         self,
@@ -209,10 +219,15 @@ class SearchScene:
         point: RecordedPoint,
         canvases: Sequence[Canvas],
         parallel: ParallelAxes | None,
+        *,
+        beside: Population | None,
     ) -> None:
-        """Mark a point that is looked at, beside the chosen one and the best of the objectives."""
+        """Mark a point that is looked at, beside the chosen one and the best of the objectives.
+
+        Its name stands off the points ``beside`` it; without these it has none.
+        """
         F = point.objectives[None]
-        self.log_points(recording, "looked_at", F, canvases, ids=np.array([point.id]), named=True)
+        self.log_points(recording, "looked_at", F, canvases, ids=np.array([point.id]), named=True, beside=beside)
         if parallel is not None:
             recording.log(f"{parallel.entity}/looked_at", parallel.lines(F, SCREEN.arm, 2.2, 5.0))
 

@@ -92,7 +92,8 @@ class StepScene:
         """Draw one individual of a generation: its objectives and its arm."""
         row = np.array([individual])
         objectives = self.step.objectives[number, row]
-        self._scene.log_points(recording, "chosen", objectives, self._canvases, ids=row, named=True)
+        front = self.step.objectives[number, self.step.fronts[number]]
+        self._scene.log_points(recording, "chosen", objectives, self._canvases, ids=row, named=True, beside=front)
         links = self._links(number, row)[0]
         self._drawing.log_arm(recording, "chosen", links, colour=SCREEN.arm, solid=True)
 

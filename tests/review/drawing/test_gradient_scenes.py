@@ -215,8 +215,11 @@ def test_an_epsilon_front_has_everything_of_the_checklist_at_every_level(fronts)
     assert not missing_entities(file, [f"{PANEL}/epsilon"], {"level": (levels[-1],)})
     F = rows(entities["/search/front"], "level", "F")
     np.testing.assert_array_equal(F[levels[-1]].reshape(-1, 2), front.objectives)
-    bounds = rows(entities[f"{PANEL}/epsilon"], "level", "labels")
-    assert any(str(each[0]).startswith("ε: ") for each in bounds.values() if len(each))
+    bounds = rows(entities[f"{PANEL}/epsilon/names"], "level", "labels")
+    words = [str(each[0]).split(" ", 4) for each in bounds.values() if len(each)]
+    bounded = {name: unit for _, name, _, _, unit in words}
+    assert bounded
+    assert bounded.items() <= dict(zip(front.names, front.units, strict=True)).items()
     assert "● ε: bound of this level" in static_words(entities["/legend/words"])
 
 

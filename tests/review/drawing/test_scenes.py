@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 import paretoik as pk
 from paretoik.review.drawing.choice_layer import write_choice_layer
+from paretoik.review.drawing.drawn_axes import TEXT, text_width
 from paretoik.review.drawing.joint_charts import limit_lines
 from paretoik.review.drawing.recorded_views import read_recorded
 from paretoik.review.palette import SCREEN
@@ -94,7 +97,7 @@ def test_everything_of_the_checklist_is_there_at_every_instant(run):
     legend = static_words(entities["/legend/words"])
     assert ("● directions" in legend) == (name == "directions")
     assert ("● position" in legend, "● places that count" in legend) == (name == "directions", name == "point to point")
-    panels = {path.rsplit("/", 1)[0] for path in entities if path.startswith("/front/")}
+    panels = {"/".join(path.split("/")[:3]) for path in entities if path.startswith("/front/")}
     assert len(panels) == {2: 1, 3: 3}[len(front.names)]
     for panel in panels:
         wanted += [f"{panel}/{layer}" for layer in ("grid", "labels", "front", "final", "chosen", "ends")]
@@ -161,6 +164,28 @@ def test_nothing_that_runs_inside_links_or_along_a_path_is_hidden_by_them(run):
         assert all(abs(followed[0]) > 2 * abs(radii[0]) for radii in gone.values())
     if name in ("planar", "spatial"):
         assert "● its links" in static_words(entities["/legend/words"])
+
+
+def test_words_of_axes_and_places_lie_off_the_lines_that_they_name(run):
+    name, front, file = run
+    entities = read(file)
+    drop, half = np.array([0.0, TEXT.drop]), 0.5 * TEXT.line  # from a label's place down to its middle
+    if len(front.names) > 2:
+        axes = entities["/parallel/axes/lines"]
+        x = np.unique([strip[0][0] for strip in static_values(axes, "strips") if strip[0][0] == strip[1][0]])
+        height = max(strip[1][1] for strip in static_values(axes, "strips"))
+        middles = static_values(entities["/parallel/axes/labels"], "positions") + drop
+        assert all(not x[0] < across < x[-1] or not 0 < down < height for across, down in middles)
+        assert len(middles) >= 3 * len(front.names)
+    if name == "directions":
+        nodes = np.concatenate(list(rows(entities["/arm/chosen/links"], "generation", "strips").values()))
+        arrows = static_values(entities["/arm/directions/lines"], "strips")
+        lines = np.concatenate([np.linspace(a, b, 50) for strip in [*nodes, *arrows] for a, b in pairwise(strip)])
+        for names in ("/arm/places/names", "/arm/directions/heads/names"):
+            words = static_words(entities[names])
+            for word, middle in zip(words, static_values(entities[names], "positions") + drop, strict=True):
+                inside = np.abs(lines - middle) < (0.5 * text_width(word), half)
+                assert not inside.all(axis=1).any(), word
 
 
 def test_limits_that_joints_share_are_drawn_once_in_the_colours_of_all_of_them():

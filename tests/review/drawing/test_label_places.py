@@ -1,0 +1,50 @@
+"""Where labels are put."""
+
+from __future__ import annotations
+
+import numpy as np
+import rerun as rr
+from hypothesis import given
+from hypothesis import strategies as st
+
+from paretoik.review.drawing.drawn_axes import Canvas
+from paretoik.review.drawing.label_places import label_place
+from paretoik.review.drawing.panel_marks import END, RING, log_ends
+from paretoik.review.recording.recorded_point import RecordedPoint
+from tests.review.reading import read, rows
+
+CANVAS = Canvas(low=np.zeros(2), high=np.array([500.0, 390.0]), labels=("x", "y"))
+HALF = np.array([0.5 * 6.5 * 8, 10.0])  # of a word of eight letters, as the viewer draws it
+places = st.tuples(st.floats(0, 500), st.floats(0, 390))
+
+
+@given(places, st.lists(places, max_size=30))
+def test_a_label_is_whole_inside_its_frame_and_off_its_mark(mark, others):
+    at = label_place(CANVAS, np.array(mark), "point 29", np.array([mark, *others]))
+    assert (at - HALF >= 0).all()
+    assert (at + HALF <= (500, 390)).all()
+    assert (np.abs(at - mark) >= HALF).any()
+
+
+@given(places)
+def test_a_label_covers_no_mark_where_one_side_is_free(mark):
+    crowd = np.array([(x, y) for x in range(0, 500, 20) for y in range(0, 390, 10) if x < mark[0] or x > mark[0] + 150])
+    wide = Canvas(low=np.zeros(2), high=np.array([700.0, 390.0]), labels=("x", "y"), width=700.0)
+    at = label_place(wide, np.array(mark), "point 29", crowd.reshape(-1, 2).astype(float))
+    assert not (np.abs(crowd - at) < HALF).all(axis=1).any()
+
+
+def test_best_points_that_are_one_are_rings_around_each_other_with_both_names(tmp_path):
+    ends = [(0, 4), (1, 7), (2, 4), (None, 7)]
+    points = [RecordedPoint(axis=axis, id=id, objectives=np.zeros(2), motion=None) for axis, id in ends]
+    at = np.array([(100.0, 100.0), (300.0, 300.0), (100.0, 100.0), (300.0, 300.0)])
+    with rr.RecordingStream("paretoik-test") as stream:
+        stream.save(tmp_path / "ends.rrd")
+        stream.set_time("generation", sequence=1)
+        log_ends(stream, ["front"], CANVAS, at, points, ("energy", "torque", "way"), at)
+    entities = read(tmp_path / "ends.rrd")
+    radii = rows(entities["/front/ends"], "generation", "radii")[1]
+    np.testing.assert_allclose(-radii, [END + RING, END + RING, END])  # in pixels: negative
+    assert rows(entities["/front/ends/names_0"], "generation", "labels")[1].tolist() == ["best energy\nbest way"]
+    hovered = rows(entities["/front/ends"], "generation", "labels")[1].tolist()
+    assert hovered == ["point 4, best energy, best way", "point 7, best torque", "point 4, best energy, best way"]

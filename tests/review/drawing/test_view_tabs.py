@@ -1,0 +1,37 @@
+"""Tabs whose names can be read."""
+
+from __future__ import annotations
+
+import pytest
+import rerun.blueprint as rrb
+
+from paretoik.review.drawing.view_tabs import BESIDE, CHARACTER, CONTROLS, fitting_tabs
+
+SEARCH = ["parallel coordinates", "hypervolume", "best kinetic_energy [J s]", "best torque_norm [N²m²s]"]
+SEARCH += ["best obstacle_clearance [m] ↑", "front points, failures"]
+
+
+def tabs(names: list[str], width: float) -> rrb.Tabs:
+    return fitting_tabs([rrb.Spatial2DView(origin=f"/{number}", name=name) for number, name in enumerate(names)], width)
+
+
+def leaves(container: rrb.Tabs) -> list[rrb.View]:
+    return [view for part in container.contents for view in (leaves(part) if isinstance(part, rrb.Tabs) else [part])]
+
+
+@pytest.mark.parametrize("width", [900.0, 700.0, 600.0, 450.0])
+def test_all_names_fit_and_every_view_is_there_in_its_order(width):
+    found = tabs(SEARCH, width)
+    assert CONTROLS + sum(BESIDE + CHARACTER * len(str(part.name)) for part in found.contents) <= width
+    assert [view.origin for view in leaves(found)] == [f"/{number}" for number in range(len(SEARCH))]
+
+
+def test_names_that_fit_stay_as_they_are():
+    assert [part.name for part in tabs(SEARCH[:2], 600.0).contents] == SEARCH[:2]
+
+
+def test_views_of_one_word_are_tabs_of_a_tab_before_any_name_is_cut():
+    found = tabs(["hypervolume", *SEARCH[2:]], 600.0)
+    assert [part.name for part in found.contents] == ["hypervolume", "best", "front points, failures"]
+    inner = [view.name for view in found.contents[1].contents]
+    assert inner == ["best kinetic_energy", "best torque_norm", "best obstacle_clearance ↑"]
