@@ -20,12 +20,14 @@ ROOT = Path(__file__).parents[2]
 GROWING = """
 import sys
 from dataclasses import replace
+from pathlib import Path
 import numpy as np
 from paretoik.front.front import Front
 
-front = Front.load(sys.argv[1])
+front, count = Front.load(sys.argv[1]), 0
 print("loaded", flush=True)
-for count in range(10_000):
+while not Path(sys.argv[2]).exists():
+    count += 1
     ids, objectives = np.append(front.ids, 100 + count), np.vstack([front.objectives, [[6.0 + count, 50.0 + count]]])
     front = replace(front, ids=ids, objectives=objectives, motions=None, genes=None, violation=None)
     front.save(sys.argv[1])
@@ -150,8 +152,9 @@ def test_saving_into_its_own_folder_keeps_the_choices_and_losing_points_is_refus
         kept.where(energy=(None, 2.0)).save(kept.folder)
 
 
-def test_no_choice_is_lost_while_another_process_saves_points_into_the_run(kept):
-    command = [sys.executable, "-c", GROWING, str(kept.folder)]
+def test_no_choice_is_lost_while_another_process_saves_points_into_the_run(kept, tmp_path):
+    end = tmp_path / "end"
+    command = [sys.executable, "-c", GROWING, str(kept.folder), str(end)]
     with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) as saving:
         try:
             assert saving.stdout.readline() == "loaded\n"
@@ -159,7 +162,7 @@ def test_no_choice_is_lost_while_another_process_saves_points_into_the_run(kept)
                 kept.select([10, 20, 30][count % 3])
             assert saving.poll() is None
         finally:
-            saving.kill()
+            end.touch()
     grown = Front.load(kept.folder)
     assert len(grown) > len(kept)
     assert len(grown.choices) == 40
