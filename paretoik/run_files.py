@@ -1,4 +1,4 @@
-"""The files of a run folder: their names, how each is replaced whole, and `run.json`, which is made and checked here.
+"""The files of a run folder: their names, and `run.json`, which is made and checked here.
 
 `run.json` is strict JSON: its format, what the run says of itself, and a SHA-256 digest of the rest, so that a cut or
 altered file is refused.
@@ -6,19 +6,17 @@ altered file is refused.
 
 from __future__ import annotations
 
-import fcntl
 import hashlib
 import json
 import math
-import os
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from pathlib import Path, PurePath
 from typing import Any
 
 import numpy as np
 
 from paretoik.errors import InvalidInput, InvalidRun
+from paretoik.file_replacement import only_writer, replace_file, replace_files
 
 FORMAT = 1
 RUN = "run.json"
@@ -94,56 +92,6 @@ def _has_mark(file: Path, mark: bytes) -> bool:
         return mark in content.read(MARK_WITHIN)
 
 
-def replace_file(file: Path, content: bytes) -> None:
-    """Write ``content`` into a temporary file and rename it to ``file``, so that no reader sees a part; make folders.
-
-    Raises InvalidInput where the system refuses, as on a full disk; the former file is unchanged then.
-    """
-    if file.name in ("", ".."):
-        raise InvalidInput(f"{file}: wanted to write it, got a folder")
-    part = file.with_name(f".{file.name}.{os.getpid()}")
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            with part.open("wb") as sink:
-                sink.write(content)
-                sink.flush()
-                os.fsync(sink.fileno())
-            part.replace(file)
-        finally:
-            part.unlink(missing_ok=True)
-    except OSError as fault:
-        raise InvalidInput(f"{file}: wanted to write it, got {fault.strerror}") from fault
-
-
-@contextmanager
-def only_writer(folder: Path) -> Iterator[None]:
-    """Hold a folder's lock while its files are replaced, so that of two processes neither loses what it adds.
-
-    The folder is made if need be; the lock ends with the process. Raises InvalidInput where the system refuses.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        descriptor = os.open(folder, os.O_RDONLY)
-    except OSError as fault:
-        raise InvalidInput(f"{folder}: wanted a folder to write into, got {fault.strerror}") from fault
-    try:
-        _lock(descriptor, folder)
-        try:
-            yield
-        finally:
-            fcntl.flock(descriptor, fcntl.LOCK_UN)  # a process forked meanwhile has the descriptor too
-    finally:
-        os.close(descriptor)
-
-
-def _lock(descriptor: int, folder: Path) -> None:
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX)
-    except OSError as fault:  # as of file systems without locks
-        raise InvalidInput(f"{folder}: wanted to lock it against a second writer, got {fault.strerror}") from fault
-
-
 def run_bytes(entries: Mapping[str, Any]) -> bytes:
     """Return the content of a `run.json` or `choices.json`: the format, `entries`, and the digest of both.
 
@@ -151,6 +99,22 @@ def run_bytes(entries: Mapping[str, Any]) -> bytes:
     """
     run = json.loads(json.dumps({"format": FORMAT, **entries}, allow_nan=False))  # as it will be read
     return json.dumps(run | {"digest": digest(run)}, indent=2).encode() + b"\n"
+
+
+def result_files(entries: Mapping[str, Any], contents: Mapping[str, bytes]) -> dict[str, bytes]:
+    """Return the contents of a result's files by name, and of its `run.json`: ``entries`` and the digests of the files.
+
+    Raises TypeError or ValueError where an entry is no strict JSON.
+    """
+    digests = {name: hashlib.sha256(content).hexdigest() for name, content in contents.items()}
+    return {**contents, RUN: run_bytes({**entries, "files": digests})}
+
+
+def write_result(folder: Path, entries: Mapping[str, Any], contents: Mapping[str, bytes]) -> None:
+    """Write the files of a result into a folder, all at once or none of them; of entries as ``write_run`` does."""
+    files = result_files(to_json(entries), contents)
+    with only_writer(folder):
+        replace_files(folder, files)
 
 
 def write_run(folder: Path, entries: Mapping[str, Any]) -> None:

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +16,6 @@ from paretoik.run_files import (
     digest,
     is_run,
     read_run,
-    replace_file,
     to_json,
     write_run,
 )
@@ -55,14 +53,6 @@ def test_what_json_cannot_hold_is_refused_by_its_place():
         to_json({"settings": [1, object()]})
 
 
-def test_a_file_is_replaced_and_nothing_else_stays_behind(tmp_path):
-    file = tmp_path / "deep" / "run.json"
-    replace_file(file, b"before")
-    replace_file(file, b"after")
-    assert file.read_bytes() == b"after"
-    assert [entry.name for entry in file.parent.iterdir()] == ["run.json"]
-
-
 @pytest.mark.parametrize("name", [".", "..", "/", "x" * 300, "taken/page.html", "notes.txt", RUN, CHOICES])
 def test_where_nobody_may_write_is_known_before_any_work(tmp_path, name):
     (tmp_path / "taken").touch()
@@ -86,28 +76,3 @@ def test_a_page_may_be_written_anew_and_other_files_where_told(tmp_path):
             check_target("report", file, mark=mark)
     with pytest.raises(InvalidInput, match="wanted a file that is not the run's own"):
         check_target("report", tmp_path / RUN, mark=PAGE_MARK, overwrite=True)
-
-
-@pytest.mark.parametrize("name", [".", "/", ".."])
-def test_a_folder_is_no_file_to_replace(name):
-    with pytest.raises(InvalidInput, match="wanted to write it, got a folder"):
-        replace_file(Path(name), b"content")
-
-
-def test_a_full_disk_leaves_the_former_file_whole(tmp_path, monkeypatch):
-    replace_file(tmp_path / "run.json", b"before")
-
-    def full(*_):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(InvalidInput, match=r"run\.json: wanted to write it, got No space left on device"):
-        replace_file(tmp_path / "run.json", b"after")
-    assert [(file.name, file.read_bytes()) for file in tmp_path.iterdir()] == [("run.json", b"before")]
-
-
-def test_a_file_where_a_folder_should_be_is_refused(tmp_path):
-    (tmp_path / "taken").write_text("text")
-    with pytest.raises(InvalidInput, match="wanted to write it, got"):
-        replace_file(tmp_path / "taken" / "run.json", b"content")
-    assert (tmp_path / "taken").read_text() == "text"

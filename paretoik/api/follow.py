@@ -16,13 +16,14 @@ from paretoik.api.settings import SolveSettings
 from paretoik.closed_loop.loop import StepRecord, choose, nondominated_rows
 from paretoik.closed_loop.step_evolution import Generations
 from paretoik.errors import InvalidInput
+from paretoik.file_replacement import replace_file
 from paretoik.formulations.closed_loop import ClosedLoop
 from paretoik.formulations.closed_loop_arguments import check_steps
 from paretoik.formulations.closed_loop_result import ClosedLoopRun, explain_choice
 from paretoik.front.front import Front
 from paretoik.review.recording.recorder import Generation, SearchedStep, SearchEnd
 from paretoik.review.recording.workcell import workcell_of
-from paretoik.run_files import PICTURE, SEARCHES, STEPS, replace_file
+from paretoik.run_files import PICTURE, SEARCHES, STEPS
 
 SEARCH_SETTINGS = ("initial", "evaluations", "target", "anchors", "algorithm", "refine", "solver")  # not of a loop
 

@@ -6,7 +6,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import io
 from pathlib import Path
 from typing import Any
@@ -14,37 +13,24 @@ from typing import Any
 import numpy as np
 
 from paretoik.errors import InvalidRun
+from paretoik.file_replacement import without_writers
 from paretoik.front.joint_motions import StoredJoints, StoredMotions
 from paretoik.front.storage import array_bytes, motion_arrays, read_motions, read_verified
-from paretoik.run_files import (
-    MOTIONS,
-    OPTIMA,
-    RUN,
-    check_digest,
-    former_note,
-    is_run,
-    read_run,
-    replace_file,
-    run_bytes,
-    to_json,
-)
+from paretoik.run_files import MOTIONS, OPTIMA, RUN, check_digest, former_note, is_run, read_run, write_result
 from paretoik.trajectory.plan import Plan
 
 HOLDS = "the optima of a plan, which load_plan opens"
 
 
 def save_plan(plan: Plan, folder: Path, *, name: str, unit: str, maximised: bool) -> None:
-    """Write a plan of an objective into a folder, each file replaced at once or not at all, `run.json` last."""
-    files = {OPTIMA: _optima_bytes(plan, name, unit), MOTIONS: _motions_bytes(plan)}
+    """Write a plan of an objective into a folder, all of its files at once or none."""
     entries = {
         **plan.provenance,
         "holds": HOLDS,
         "objective": {"name": name, "unit": unit, "maximised": maximised},
         "levels": [list(level) for level in plan.levels],
-        "files": {file: hashlib.sha256(content).hexdigest() for file, content in files.items()},
     }
-    for file, content in {**files, RUN: run_bytes(to_json(entries))}.items():
-        replace_file(folder / file, content)
+    write_result(folder, entries, {OPTIMA: _optima_bytes(plan, name, unit), MOTIONS: _motions_bytes(plan)})
 
 
 def holds_plan(folder: Path) -> bool:
@@ -58,6 +44,11 @@ def read_plan(folder: Path) -> tuple[dict[str, Any], dict[str, list[Any]], Store
     Raises InvalidRun where a file is missing, damaged, a link, of another version, or of another run, and where the run
     holds no plan.
     """
+    with without_writers(folder):
+        return _read_plan(folder)
+
+
+def _read_plan(folder: Path) -> tuple[dict[str, Any], dict[str, list[Any]], StoredMotions]:
     run = read_run(folder / RUN)
     if run.get("holds") != HOLDS:
         status = f" of status {run.get('status')!r}"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,7 @@ from paretoik.api.run_session import Subject
 from paretoik.capability.directional import DirectionalQuery, PerformancePolygon
 from paretoik.front.storage import array_bytes
 from paretoik.loading import digest_of
-from paretoik.run_files import POLYGON, RUN, replace_file, run_bytes, to_json
+from paretoik.run_files import POLYGON, write_result
 
 HOLDS = f"directional maxima, their arrays in {POLYGON}"
 ARRAYS = ("position", "directions", "values", "q", "dq", "torque", "motor_speeds", "motor_efforts", "sliders")
@@ -34,7 +33,7 @@ def polygon_counts(polygon: PerformancePolygon, seconds: float) -> dict[str, Any
 
 
 def save_polygon(polygon: PerformancePolygon, provenance: dict[str, Any], folder: Path) -> None:
-    """Write a polygon into a folder, each file replaced at once or not at all, `run.json` last.
+    """Write a polygon into a folder, all of its files at once or none.
 
     In `polygon.npz` are joint_names (dof,) and the arrays of the polygon by name.
     """
@@ -43,7 +42,5 @@ def save_polygon(polygon: PerformancePolygon, provenance: dict[str, Any], folder
         {"joint_names": np.array(polygon.arm.joint_names, dtype=np.str_)}
         | {name: np.asarray(values) for name, values in arrays.items() if values is not None}
     )
-    files = {POLYGON: hashlib.sha256(content).hexdigest()}
-    entries = {**provenance, "holds": HOLDS, "unit": "m/s" if polygon.quantity == "velocity" else "N", "files": files}
-    replace_file(folder / POLYGON, content)
-    replace_file(folder / RUN, run_bytes(to_json(entries)))
+    unit = "m/s" if polygon.quantity == "velocity" else "N"
+    write_result(folder, {**provenance, "holds": HOLDS, "unit": unit}, {POLYGON: content})

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections import Counter
 from dataclasses import fields
 from pathlib import Path
@@ -17,7 +16,7 @@ from paretoik.loading import digest_of
 from paretoik.resolution.method import Criterion, Method
 from paretoik.resolution.resolve import Resolution
 from paretoik.resolution.traces import ResolvedMotion
-from paretoik.run_files import MOTIONS, RUN, TRACES, replace_file, run_bytes, to_json
+from paretoik.run_files import MOTIONS, TRACES, write_result
 from paretoik.task.objectives import Objective
 
 HOLDS = f"a resolved motion, its joint positions in {MOTIONS} and what its method did in {TRACES}"
@@ -65,7 +64,7 @@ def motion_ending(motion: ResolvedMotion, seconds: float) -> dict[str, Any]:
 
 
 def save_resolution(motion: ResolvedMotion, provenance: dict[str, Any], folder: Path) -> None:
-    """Write a motion, or a batch of them, into a folder, each file replaced at once or not at all, `run.json` last.
+    """Write a motion, or a batch of them, into a folder, all of their files at once or none.
 
     In `traces.npz` every array of ``motion.traces`` has one row a motion, as in `motions.npz`.
     """
@@ -81,14 +80,7 @@ def save_resolution(motion: ResolvedMotion, provenance: dict[str, Any], folder: 
         MOTIONS: array_bytes({"id": np.arange(count), **motion_arrays(stored)}),
         TRACES: array_bytes({name: each.reshape(count, *each.shape[len(shape) :]) for name, each in traces.items()}),
     }
-    entries = {
-        **provenance,
-        "holds": HOLDS,
-        "batch": list(shape),
-        "files": {name: hashlib.sha256(content).hexdigest() for name, content in files.items()},
-    }
-    for name, content in {**files, RUN: run_bytes(to_json(entries))}.items():
-        replace_file(folder / name, content)
+    write_result(folder, {**provenance, "holds": HOLDS, "batch": list(shape)}, files)
 
 
 def _plain(value: Any) -> Any:

@@ -11,6 +11,7 @@ import shutil
 from collections.abc import Iterable
 from pathlib import Path
 
+from paretoik.file_replacement import SAVED
 from paretoik.run_files import CONTENTS, FORMER, has_result
 
 PART = f"{FORMER}.part"
@@ -46,8 +47,8 @@ def settle(place: Path) -> bool:
 
 def remove_run(place: Path) -> None:
     """Remove the files of a run from its folder, and nothing else."""
-    for name in reversed(CONTENTS):
-        for entry in (place / name, *place.glob(f".{name}.*")):
+    for name in (*reversed(CONTENTS), SAVED):
+        for entry in (place / name, *place.glob(f".{name.lstrip('.')}.*")):
             if _is_folder(entry):
                 shutil.rmtree(entry)
             else:

@@ -12,7 +12,8 @@ from typing import BinaryIO
 
 from paretoik.errors import InvalidInput
 from paretoik.execution.former_run import PART, set_aside, settle
-from paretoik.run_files import FORMER, RUN, is_run, only_writer
+from paretoik.file_replacement import SAVED, only_writer
+from paretoik.run_files import FORMER, RUN, is_run
 
 LOCK = ".lock"
 
@@ -90,7 +91,7 @@ def check_other_folder(name: str, folder: Path, *sources: Path | None) -> None:
 def _foreign_entry(place: Path) -> str | None:
     """Return the name of an entry that makes `place` a folder that is not ours, None where it is empty or a run."""
     names = sorted(entry.name for entry in place.iterdir())
-    others = [name for name in names if not name.startswith((LOCK, f".{RUN}.", FORMER))]
+    others = [name for name in names if not name.startswith((LOCK, f".{RUN}.", FORMER, SAVED))]
     ours = any(is_run(folder / RUN) for folder in (place, place / FORMER, place / PART))
     return None if not others or ours else others[0]
 

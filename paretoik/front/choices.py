@@ -16,9 +16,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from paretoik.errors import InvalidInput, InvalidRun
+from paretoik.file_replacement import only_writer, replace_file
 from paretoik.front.choice import Choice, Preference
 from paretoik.front.subset import row_of
-from paretoik.run_files import CHOICES, RUN, check_digest, only_writer, read_run, replace_file, run_bytes, to_json
+from paretoik.run_files import CHOICES, RUN, check_digest, read_run, run_bytes, to_json
 
 if TYPE_CHECKING:  # a front keeps its choices here
     from paretoik.front.front import Front
@@ -204,8 +205,12 @@ def _check_holds(front: Front, choice: Choice, folder: Path) -> None:
 
 
 def _write(folder: Path, choices: Choices) -> None:
-    content = {"entries": [asdict(entry) for entry in choices.entries], "current": choices.current}
-    replace_file(folder / CHOICES, run_bytes(content))
+    replace_file(folder / CHOICES, choices_bytes(choices))
+
+
+def choices_bytes(choices: Choices) -> bytes:
+    """Return the content of `choices.json`."""
+    return run_bytes({"entries": [asdict(entry) for entry in choices.entries], "current": choices.current})
 
 
 @contextmanager

@@ -18,7 +18,9 @@ from typing import Any
 import numpy as np
 
 from paretoik.errors import InvalidInput, InvalidRun
+from paretoik.file_replacement import only_writer, replace_files, without_writers
 from paretoik.front.certificates import Certificates
+from paretoik.front.choices import Choices, choices_bytes
 from paretoik.front.front import Front, MotionBuilder
 from paretoik.front.joint_motions import JointMotions, StoredJoints, StoredMotions
 from paretoik.front.subset import attach
@@ -30,11 +32,9 @@ from paretoik.run_files import (
     check_digest,
     former_note,
     is_run,
-    only_writer,
     read_plain_file,
     read_run,
-    replace_file,
-    run_bytes,
+    result_files,
 )
 
 RESERVED_ENTRIES = ("format", "objectives", "points", "files", "digest")
@@ -44,7 +44,7 @@ CERTIFICATE_ARRAYS = ("weights", "exchange_rates", "exchange_intervals")
 
 
 def save(front: Front, folder: Path, *, overwrite: bool = False) -> None:
-    """Write the front's files into `folder`, each replaced at once or not at all, `run.json` last.
+    """Write the front's files into `folder`, all of them at once or none.
 
     A run that is there is replaced where this front is of the same problem and has all its points, or with
     ``overwrite``; the choices kept beside it stay as long as their points do. Raises InvalidInput where that is not
@@ -57,29 +57,26 @@ def save(front: Front, folder: Path, *, overwrite: bool = False) -> None:
     if front.motions is not None or front.genes is not None or front.certificates is not None:
         files[MOTIONS] = _motions_bytes(front)
     try:
-        files[RUN] = run_bytes(_run_entries(front, files))
+        files = result_files(_run_entries(front), files)
     except (TypeError, ValueError) as fault:
         raise InvalidInput(f"front provenance: wanted what strict JSON can hold, got {fault}") from fault
     with only_writer(folder):
-        _make_way(front, folder, overwrite=overwrite)
-        for name, content in files.items():
-            replace_file(folder / name, content)
+        if _is_replaced(front, folder, overwrite=overwrite) and (folder / CHOICES).exists():
+            files[CHOICES] = choices_bytes(Choices())
+        replace_files(folder, files)
     attach(front, folder)
 
 
-def _make_way(front: Front, folder: Path, *, overwrite: bool) -> None:
-    """Remove the choices of another run that is replaced; raises InvalidInput where it is not to be."""
+def _is_replaced(front: Front, folder: Path, *, overwrite: bool) -> bool:
+    """Say whether a folder holds another run than a front's; raises InvalidInput where it is not to be replaced."""
     if not is_run(folder / RUN) or _keeps_run(front, folder):
-        return
+        return False
     if not overwrite:
         raise InvalidInput(
             f"{folder}: wanted a new folder or this front's own, got one that holds another run, or points that this "
             "front has not; overwrite=True replaces it"
         )
-    try:
-        (folder / CHOICES).unlink(missing_ok=True)
-    except OSError as fault:
-        raise InvalidInput(f"{folder / CHOICES}: wanted to remove it, got {fault.strerror}") from fault
+    return True
 
 
 def stored_points(folder: Path) -> dict[int, tuple[float, ...]]:
@@ -110,6 +107,11 @@ def _keeps_run(front: Front, folder: Path) -> bool:
 
 def load(folder: Path, *, build_motions: MotionBuilder | None = None) -> Front:
     """Read what `save` wrote, checking everything; without `build_motions` motions are `StoredMotions`."""
+    with without_writers(folder):
+        return _load(folder, build_motions)
+
+
+def _load(folder: Path, build_motions: MotionBuilder | None) -> Front:
     run = _read_front_entries(folder / RUN)
     contents = {name: read_verified(folder / name, expected) for name, expected in run["files"].items()}
     table = _read_table(folder / TABLE, contents[TABLE], [entry["name"] for entry in run["objectives"]])
@@ -140,7 +142,7 @@ def load(folder: Path, *, build_motions: MotionBuilder | None = None) -> Front:
     return attach(front, folder)
 
 
-def _run_entries(front: Front, files: dict[str, bytes]) -> dict[str, Any]:
+def _run_entries(front: Front) -> dict[str, Any]:
     return {
         **front.provenance,
         "objectives": [
@@ -150,7 +152,6 @@ def _run_entries(front: Front, files: dict[str, bytes]) -> dict[str, Any]:
             )
         ],
         "points": len(front),
-        "files": {name: hashlib.sha256(content).hexdigest() for name, content in files.items()},
     }
 
 

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Literal, TypeAlias, get_args
 
 from paretoik.errors import InvalidInput
+from paretoik.file_replacement import replace_file
 from paretoik.joint_trajectory.ros import write_bag, yaml_bytes
 from paretoik.joint_trajectory.tables import csv_bytes, npz_bytes, parquet_bytes
 from paretoik.joint_trajectory.trajectory import JointTrajectory
-from paretoik.run_files import replace_file
 
 Format: TypeAlias = Literal["csv", "parquet", "npz", "joint-trajectory", "ros2-bag"]
 FORMATS: tuple[Format, ...] = get_args(Format)

@@ -196,5 +196,5 @@ def test_choices_that_are_a_link_or_a_folder_are_refused_and_left(kept, tmp_path
         if file.is_symlink():
             file.unlink()
     assert elsewhere.read_bytes() == content
-    with pytest.raises(InvalidInput, match="wanted to remove it, got Is a directory"):
+    with pytest.raises(InvalidInput, match="wanted to write it, got a folder"):
         replace(kept, objectives=2 * kept.objectives).save(kept.folder, overwrite=True)

@@ -18,13 +18,13 @@ from matplotlib.figure import Figure, SubFigure
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
+from paretoik.file_replacement import replace_file
 from paretoik.front.compromise import compromise
 from paretoik.front.front import Choice, Front
 from paretoik.front.joint_motions import StoredMotions
 from paretoik.front.marked_rows import best_rows
 from paretoik.review.limits_between import describe_limits_between
 from paretoik.review.palette import PAPER, objective_label
-from paretoik.run_files import replace_file
 
 WITHOUT_ARM = "The run names no problem that can be loaded: its arm is drawn after load_front(folder, problem)."
 

@@ -11,12 +11,12 @@ import numpy as np
 from jaxtyping import Int
 
 from paretoik.arrays import Values
+from paretoik.file_replacement import replace_file
 from paretoik.front.choices import Choices
 from paretoik.front.compromise import compromise
 from paretoik.front.front import Front
 from paretoik.front.marked_rows import best_rows
 from paretoik.review.report.report_page import ReportPage
-from paretoik.run_files import replace_file
 from paretoik.search.insertion import greedy_order
 
 

@@ -1,0 +1,140 @@
+"""How files are replaced: one at once or not at all, or several of a folder that belong together.
+
+Several are written whole into `.saved`, a folder within theirs, and then move into place. From the moment that folder
+has its name they are saved: should the process be killed while they move, whoever next reads or writes there moves
+the rest. Before that moment the former files are as they were.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import shutil
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from paretoik.errors import InvalidInput
+
+SAVED = ".saved"  # a folder of files that are whole and on their way into the folder that it is in
+
+
+def replace_file(file: Path, content: bytes) -> None:
+    """Write ``content`` into a temporary file and rename it to ``file``, so that no reader sees a part; make folders.
+
+    Raises InvalidInput where the system refuses, as on a full disk; the former file is unchanged then.
+    """
+    if file.name in ("", ".."):
+        raise InvalidInput(f"{file}: wanted to write it, got a folder")
+    part = file.with_name(f".{file.name}.{os.getpid()}")
+    with _refusal(file):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            _write(part, content)
+            part.replace(file)
+        finally:
+            part.unlink(missing_ok=True)
+
+
+def replace_files(folder: Path, contents: Mapping[str, bytes]) -> None:
+    """Replace files of a folder, by name, all at once or none of them. Whoever calls this is the ``only_writer``.
+
+    Raises InvalidInput where the system refuses, as on a full disk; the former files are unchanged then.
+    """
+    for name in contents:
+        if (folder / name).is_dir():
+            raise InvalidInput(f"{folder / name}: wanted to write it, got a folder")
+    part = folder / f"{SAVED}.{os.getpid()}"
+    with _refusal(folder):
+        try:
+            part.mkdir()
+            for name, content in contents.items():
+                _write(part / name, content)
+            _synchronise(part)
+            part.rename(folder / SAVED)
+        finally:
+            shutil.rmtree(part, ignore_errors=True)
+        _synchronise(folder)
+        _move_saved(folder)
+
+
+@contextmanager
+def only_writer(folder: Path) -> Iterator[None]:
+    """Hold a folder's lock while its files are replaced, so that of two processes neither loses what it adds.
+
+    The folder is made if need be, and what a killed process had saved there moves into place first; the lock ends with
+    the process. Raises InvalidInput where the system refuses.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        descriptor = os.open(folder, os.O_RDONLY)
+    except OSError as fault:
+        raise InvalidInput(f"{folder}: wanted a folder to write into, got {fault.strerror}") from fault
+    try:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX)
+        except OSError as fault:  # as of file systems without locks
+            raise InvalidInput(f"{folder}: wanted to lock it against a second writer, got {fault.strerror}") from fault
+        try:
+            with _refusal(folder):
+                _move_saved(folder)
+            yield
+        finally:
+            fcntl.flock(descriptor, fcntl.LOCK_UN)  # a process forked meanwhile has the descriptor too
+    finally:
+        os.close(descriptor)
+
+
+@contextmanager
+def without_writers(folder: Path) -> Iterator[None]:
+    """Let no process replace a folder's files while the body reads them, and have what was saved there in place.
+
+    A folder that is missing, or on a file system without locks, is read as it is. Raises InvalidInput where the system
+    refuses to move files that a killed process had saved.
+    """
+    if (folder / SAVED).is_dir():
+        with only_writer(folder):
+            pass
+    descriptor = None
+    try:
+        with suppress(OSError):
+            descriptor = os.open(folder, os.O_RDONLY)
+            fcntl.flock(descriptor, fcntl.LOCK_SH)
+        yield
+    finally:
+        if descriptor is not None:
+            os.close(descriptor)
+
+
+def _move_saved(folder: Path) -> None:
+    saved = folder / SAVED
+    if saved.is_symlink() or not saved.is_dir():
+        return
+    for file in saved.iterdir():
+        file.replace(folder / file.name)
+    saved.rmdir()
+
+
+def _write(file: Path, content: bytes) -> None:
+    with file.open("wb") as sink:
+        sink.write(content)
+        sink.flush()
+        os.fsync(sink.fileno())
+
+
+def _synchronise(folder: Path) -> None:
+    """Have the names in a folder on the disk."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+@contextmanager
+def _refusal(place: Path) -> Iterator[None]:
+    """Raise InvalidInput where the system refuses what the body writes."""
+    try:
+        yield
+    except OSError as fault:
+        raise InvalidInput(f"{place}: wanted to write it, got {fault.strerror}") from fault
