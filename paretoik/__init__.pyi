@@ -10,6 +10,7 @@ from .api.plan import plan as plan
 from .api.refine import refine as refine
 from .api.report import report as report
 from .api.resolve import resolve as resolve
+from .api.resume import resume as resume
 from .api.solve import solve as solve
 from .closed_loop.objectives import joint_displacement as joint_displacement
 from .closed_loop.objectives import position_error as position_error

@@ -31,7 +31,8 @@ OPTIMA = "optima.parquet"
 TRACES = "traces.npz"
 POLYGON = "polygon.npz"
 DRAWING = "picture.png"
-CHECKPOINT = "checkpoint"
+CHECKPOINT = "checkpoint"  # a folder: what a run that was stopped goes on from
+JOURNAL = "journal"  # in it
 CHOICES = "choices.json"
 REPORT = "report.html"
 FORMER = ".former-run"  # a folder in it: the run that a new one replaces, until that has a result
@@ -54,6 +55,7 @@ CONTENTS = (
 )
 
 
+STOPPED = ("time limit", "SIGINT", "SIGTERM", "interrupted")  # statuses of runs that could go on
 PAGES = (REPORT, PICTURE, CERTIFICATES, DRAWING)  # to be looked at; a run lives without
 PAGE_MARK = b'<meta name="generator" content="paretoik">'
 PICTURE_MARK = b"Software\0paretoik"  # a text chunk of PNG
@@ -157,6 +159,11 @@ def has_result(folder: Path) -> bool:
     """Say whether a folder holds a run with a result; one of another version of this format may have one."""
     run = _entries(folder / RUN)
     return run is not None and ("files" in run or run["format"] != FORMAT)
+
+
+def can_resume(folder: Path) -> bool:
+    """Say whether a folder holds a run that was stopped, or killed, and can go on."""
+    return is_run(folder / RUN) and (folder / CHECKPOINT / JOURNAL).is_file()
 
 
 def former_note(folder: Path) -> str:

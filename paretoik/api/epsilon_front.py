@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from paretoik.api.certified_front import certified_front
-from paretoik.api.initial import initial_points
+from paretoik.api.initial import initial_points, remembered_points
 from paretoik.api.progress import Observer
 from paretoik.api.review_front import review_front
 from paretoik.api.run_session import RunSession, Subject, run_session
@@ -106,7 +106,9 @@ def epsilon_front(
         overwrite=overwrite,
         observe=observe,
         time_limit=time_limit,
+        resumable=True,
     ) as session:
+        starting = remembered_points(starting)
         with session.computing(time_limit):
             front = _sweep(problem, formulation, starting, session)
         session.finish(front)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from paretoik.errors import InvalidInput
 from paretoik.formulations.protocol import Differentiable, encode
 from paretoik.front.front import Front
 from paretoik.front.indicators import ranges_of
+from paretoik.journal import key_of, recalled, remembered
 from paretoik.loading import fingerprint
 from paretoik.pareto.warm_start import OPTIONS as WARM_STARTS
 from paretoik.pareto.warm_start import evaluate_points
@@ -104,3 +105,40 @@ def _is_dominated(shares: np.ndarray, row: int, others: np.ndarray) -> bool:
     off = shares[others] - shares[row]
     no_worse, better = (off <= 0).all(axis=1), (off < 0).any(axis=1)
     return bool((no_worse & (better | (others < row))).any())
+
+
+INITIAL = key_of("initial")  # what the journal of a run has the solutions under that it starts from
+
+
+def remembered_points(x: Points | None) -> Points | None:
+    """Return points to start from; of a run that goes on those that it began with."""
+    return remembered(INITIAL, lambda: {} if x is None else {"x": x}).get("x")
+
+
+def remembered_motions(problem: Any, motions: Motion | None) -> Motion | None:
+    """Return motions to start from; of a run that goes on those that it began with."""
+    values = remembered(INITIAL, lambda: {} if motions is None else {"q": np.asarray(motions.q)})
+    return motions if motions is not None or "q" not in values else problem.task.motion(values["q"])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class InitialSolutions:
+    """What a search starts from: ``genes`` (rows, n_var), and motions exactly as they are, as ``points``, if any."""
+
+    genes: Genes | None
+    points: Points | None
+
+    @classmethod
+    def of(cls, problem: Any, initial: Genes | Motion | Front | None) -> InitialSolutions:
+        """Return solutions as a search of a problem needs them; of a run that goes on those that it began with."""
+        values = recalled(INITIAL)
+        if values is not None:
+            return cls(genes=values.get("genes"), points=values.get("points"))
+        genes = initial_genes(problem, initial)
+        points = exact_points(problem, initial)
+        return cls(genes=None if genes is None else np.asarray(genes), points=points)
+
+    def remember(self) -> None:
+        """Write them into the journal of the run, if it has one."""
+        arrays = {"genes": self.genes, "points": self.points}
+        remembered(INITIAL, lambda: {name: array for name, array in arrays.items() if array is not None})

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from paretoik.api.initial import remembered_motions
 from paretoik.api.plan_display import PlanDisplay
 from paretoik.api.plan_storage import save_plan
 from paretoik.api.progress import Observer
@@ -101,7 +103,9 @@ def plan(
         overwrite=overwrite,
         observe=observe,
         time_limit=time_limit,
+        resumable=True,
     ) as session:
+        initial = remembered_motions(problem, initial)
         display = PlanDisplay(session, problem)
         with session.computing(time_limit):
             plan = find_optima(starts=starts, seed=seed, initial=initial, solver=solver, observe=display.show_level)
@@ -109,6 +113,7 @@ def plan(
         ending = {"status": session.stopped_by or "optima", "counts": counts}
         plan = replace(plan, provenance={**session.provenance, **ending})
         (name,), (unit,), (maximised,) = problem.names, problem.units, problem.maximised
-        session.keep(lambda folder: save_plan(plan, folder, name=name, unit=unit, maximised=bool(maximised)))
+        save = partial(save_plan, plan, name=name, unit=unit, maximised=bool(maximised))
+        session.keep(save, status=plan.provenance["status"])
         display.review(plan)
     return plan

@@ -100,7 +100,9 @@ def refine(
         overwrite=overwrite,
         observe=observe,
         time_limit=time_limit,
+        resumable=True,
     ) as session:
+        session.keep_source(front)
         display = RefinementDisplay(session, front, problem)
         with session.computing(time_limit):
             refined = refine_front(front, problem, solver=solver, observe=session.observe or False)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import shutil
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
-from pathlib import Path
+from pathlib import Path, PosixPath
 from signal import SIGINT
 from typing import Any
 
@@ -20,13 +21,19 @@ from paretoik.execution.time_limit import TimeLimit, time_limit
 from paretoik.formulations.protocol import Timeline
 from paretoik.front.front import Front
 from paretoik.inputs import check_flag, file_path
+from paretoik.journal import journalled
 from paretoik.loading import fingerprint
 from paretoik.review.recording.recorder import Recorder, Scene, SearchedFront
 from paretoik.review.recording.workcell import Workcell
-from paretoik.run_files import RECORDING, write_run
+from paretoik.run_files import CHECKPOINT, JOURNAL, RECORDING, STOPPED, has_result, write_run
 from paretoik.stop_flag import STOP, Interrupted
 
-PACKAGES = ("paretoik", "pymoo", "numpy")  # whose versions a result depends on
+SOURCE = Path(CHECKPOINT, "source")  # within a run's folder
+PACKAGES = ("paretoik", "pymoo", "numpy", "scipy", "numba", "clarabel")  # whose versions a result depends on
+
+
+class StoppedRun(PosixPath):
+    """The folder of a run that goes on, where else that of a new one stands."""
 
 
 @dataclass(kw_only=True, eq=False)
@@ -152,18 +159,24 @@ class RunSession(VerbSession):
             self.show(RunProgress(stage="recording", summary="completing the recording"))
             self.recorder.finish(end)
 
+    def keep_source(self, front: Front) -> None:
+        """Save the front that the run begins with, should it be stopped: it goes on from there."""
+        if self.folder is not None and not (self.folder / SOURCE).exists():
+            run = {} if front.folder is None else {"run": str(front.folder)}
+            replace(front, provenance={**front.provenance, **run}).save(self.folder / SOURCE)
+
     def save_draft(self, front: Front) -> None:
         """Save a front, should what follows fail."""
         if self.folder is not None:
-            front.save(self.folder, overwrite=True)
+            replace(front, provenance={**front.provenance, "status": "refining"}).save(self.folder, overwrite=True)
             self.draft = front
 
     def finish(self, front: Front) -> None:
         """Save the final front."""
-        self.keep(lambda folder: front.save(folder, overwrite=True))
+        self.keep(lambda folder: front.save(folder, overwrite=True), status=front.provenance["status"])
 
-    def keep(self, save: Callable[[Path], object]) -> None:
-        """Let the final result be saved into the run's folder.
+    def keep(self, save: Callable[[Path], object], *, status: str) -> None:
+        """Let the final result be saved into the run's folder; a run that was not stopped has nothing to go on with.
 
         What a signal asked to stop has stopped by then: it does not hold for the pictures that follow.
         """
@@ -171,15 +184,17 @@ class RunSession(VerbSession):
         if self.folder is not None:
             self.show(RunProgress(stage="saving"))
             save(self.folder)
+            if status not in STOPPED:
+                shutil.rmtree(self.folder / CHECKPOINT, ignore_errors=True)
 
     def fail(self, error: BaseException) -> None:
         """Save why the run failed, beside the draft of its front if there is one."""
         failure = {"status": self.signal or type(error).__name__, "reason": str(error)}
         if self.folder is None or self.finished:
             return
-        if self.draft is None:
+        if self.draft is None and not has_result(self.folder):  # one that goes on may have one from before
             write_run(self.folder, {**self.provenance, **failure})
-        else:
+        elif self.draft is not None:
             replace(self.draft, provenance={**self.draft.provenance, **failure}).save(self.folder, overwrite=True)
 
 
@@ -209,10 +224,12 @@ def run_session(
     time_limit: float | None = None,
     catch_signals: bool = True,
     live: bool = False,
+    resumable: bool = False,
 ) -> Iterator[RunSession]:
     """Open a run: claim its folder, catch signals, and save why it failed if it does.
 
-    Without ``catch_signals`` a signal ends the body as it would have without a run. Raises InvalidInput where the
+    Without ``catch_signals`` a signal ends the body as it would have without a run. What one that is ``resumable``
+    computes goes into its journal. Raises InvalidInput where the
     folder cannot be used, a setting cannot be JSON, or what is to be seen live has no folder to be recorded in.
     """
     check_flag("live", live)
@@ -223,11 +240,11 @@ def run_session(
         "problem": subject.reference,
         "fingerprint": subject.fingerprint,
         "settings": dict(settings),
-        "versions": {name: version(name) for name in PACKAGES},
+        "versions": versions(),
     }
     with ExitStack() as stack:
         opened = stack.enter_context(verb_session(observe, time_limit=time_limit, catch_signals=catch_signals))
-        folder = None if out is None else stack.enter_context(claim_folder(file_path("out", out), overwrite=overwrite))
+        folder = stack.enter_context(_folder(out, overwrite=overwrite))
         session = RunSession(
             provenance=provenance,
             folder=folder,
@@ -236,8 +253,10 @@ def run_session(
             title=subject.title,
             live=live,
         )
-        if folder is not None:
+        if folder is not None and not has_result(folder):
             write_run(folder, {**provenance, "status": "running"})
+        if folder is not None and resumable:
+            stack.enter_context(journalled(folder / CHECKPOINT / JOURNAL))
         try:
             yield session
         except (Exception, KeyboardInterrupt) as error:  # Interrupted among them
@@ -246,3 +265,20 @@ def run_session(
         finally:
             if session.recorder is not None:
                 session.recorder.close()
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of the packages that a result depends on, by name."""
+    return {name: version(name) for name in PACKAGES}
+
+
+@contextmanager
+def _folder(out: str | Path | None, *, overwrite: bool) -> Iterator[Path | None]:
+    """Claim the folder of a run, or that of one that goes on; None where there is none."""
+    if out is None:
+        yield None
+    elif isinstance(out, StoppedRun):  # whoever lets it go on has its lock
+        yield out
+    else:
+        with claim_folder(file_path("out", out), overwrite=overwrite) as folder:
+            yield folder

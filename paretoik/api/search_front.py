@@ -10,7 +10,7 @@ import numpy as np
 
 from paretoik.api.completion import complete_front
 from paretoik.api.generation_motions import GenerationMotions
-from paretoik.api.initial import exact_points, initial_genes, merge_front
+from paretoik.api.initial import InitialSolutions, merge_front
 from paretoik.api.progress import RunProgress
 from paretoik.api.refine import SearchImprover
 from paretoik.api.review_front import review_front
@@ -25,12 +25,13 @@ from paretoik.inputs import real_array
 from paretoik.nlp.minimise import check_solver
 from paretoik.review.recording.recorder import Generation
 from paretoik.review.recording.workcell import workcell_of
+from paretoik.run_files import STOPPED
 from paretoik.search.ask_tell import Search
 from paretoik.search.endings import Ending, Evaluations, Generations, Progress, Stagnation, Target, TimeLimit
 from paretoik.search.evolution import evolve
 from paretoik.stop_flag import Interrupted
 
-INTERRUPTED = ("SIGINT", "SIGTERM", "interrupted")
+INTERRUPTED = tuple(status for status in STOPPED if status != "time limit")
 
 
 class FrontSearch:
@@ -57,18 +58,18 @@ class FrontSearch:
         if settings.points is not None:
             check_size("points", settings.points, 1)
         anchors = _anchors(problem, settings, self.generations)
+        self._initial = InitialSolutions.of(problem, settings.initial)
         self.search = Search(
             problem,
             population=population,
             seed=seed,
             algorithm=settings.algorithm,
-            initial=initial_genes(problem, settings.initial),
+            initial=self._initial.genes,
             anchors=anchors,
         )
         self.improver = SearchImprover(self.search, settings.solver) if settings.refine else None
         self.endings = _endings(self.search, settings, self.generations, anchors)
         self._solve_settings = settings
-        self._initial_points = exact_points(problem, settings.initial)
         self._motions = GenerationMotions(self.search)
         self._hypervolume = HypervolumeCurve()
         self.settings = {
@@ -76,6 +77,11 @@ class FrontSearch:
             "generations": self.generations,
             "seed": seed,
             "anchors": anchors,
+            "algorithm": None if settings.algorithm is None else type(settings.algorithm).__name__,
+            "evaluations": settings.evaluations,
+            "target": None if settings.target is None else [_json_number(value) for value in settings.target],
+            "stagnation": settings.stagnation,
+            "points": settings.points,
             "refine": settings.refine,
             "solver": settings.solver,
             "time_limit": settings.time_limit,
@@ -111,6 +117,7 @@ class FrontSearch:
 
     def _evolve(self, session: RunSession) -> Front:
         search = self.search
+        self._initial.remember()
         session.start(
             names=search.names,
             units=search.units,
@@ -121,8 +128,8 @@ class FrontSearch:
         observe = partial(self._show, session)
         status = evolve(search, [*self.endings, _Signal(session)], observe=observe, improve=self.improver)
         front = search.front_of(self._solve_settings.points)
-        if self._initial_points is not None:
-            front = merge_front(front, require_program("solve", self.problem), self._initial_points, search.evaluations)
+        if self._initial.points is not None:
+            front = merge_front(front, require_program("solve", self.problem), self._initial.points, search.evaluations)
         status = session.signal or status
         if not len(front):
             raise Interrupted if session.signal else _infeasible(search)
@@ -204,6 +211,11 @@ def _endings(search: Search, settings: SolveSettings, generations: int, anchors:
     if settings.stagnation:
         endings.append(Stagnation(since=anchors * search.problem.n_obj))
     return endings
+
+
+def _json_number(value: float) -> float | str:
+    """Return a number, which may be infinite, as strict JSON can hold it."""
+    return float(value) if np.isfinite(value) else str(value)
 
 
 def _infeasible(search: Search) -> Infeasible:

@@ -138,6 +138,7 @@ def solve(
         observe=observe,
         time_limit=settings.time_limit,
         live=live,
+        resumable=True,
     ) as session:
         front = run.run(session)
         session.finish(front)

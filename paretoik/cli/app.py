@@ -20,6 +20,7 @@ from paretoik.cli.navigate import navigate
 from paretoik.cli.plan import plan
 from paretoik.cli.refine import refine
 from paretoik.cli.report import report
+from paretoik.cli.resume import resume
 from paretoik.cli.select import select
 from paretoik.cli.show import show
 from paretoik.cli.solve import solve
@@ -54,6 +55,7 @@ app.command()(solve)
 app.command()(plan)
 app.command()(front)
 app.command()(refine)
+app.command()(resume)
 app.command()(select)
 app.command()(navigate)
 app.command()(show)

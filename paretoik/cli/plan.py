@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import NoReturn
+
 import typer
 
 from paretoik.api.progress_display import open_observer
 from paretoik.api.run_text import optima_entries, plan_text
 from paretoik.cli.console import JsonFlag, QuietFlag, exit_code, print_json, stdout_for_results
 from paretoik.cli.options import OutFolder, Overwrite, Problem, Seed, SolverOption, Starts, TimeLimit
+from paretoik.trajectory.plan import Plan
 
 
 def plan(
@@ -41,8 +45,13 @@ def plan(
             reference=problem,
             observe=observe or False,
         )
+    finish_plan(result, loaded.names[0], loaded.units[0], out, as_json=as_json)
+
+
+def finish_plan(plan: Plan, name: str, unit: str, out: Path, *, as_json: bool) -> NoReturn:
+    """Print the plan of an objective that ended, as text or JSON, and exit with the code of what ended it."""
     if as_json:
-        print_json({**result.provenance, "out": out, "optima": optima_entries(result)})
+        print_json({**plan.provenance, "out": out, "optima": optima_entries(plan)})
     else:
-        print(plan_text(result, loaded.names[0], loaded.units[0], out))
-    raise typer.Exit(exit_code(result.provenance["status"]))
+        print(plan_text(plan, name, unit, out))
+    raise typer.Exit(exit_code(plan.provenance["status"]))

@@ -21,6 +21,7 @@ from paretoik.closed_loop.workspace import (
     allocate,
 )
 from paretoik.errors import Infeasible
+from paretoik.journal import is_journalled, key_of, remembered
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -88,20 +89,34 @@ class StepEvolution:
         return population, Generations(F=F[:, :, : self.objectives], q=q)
 
     def _search(self, step: ControlStep, *, kept: int) -> tuple[Population, KeptGenerations, StepStart]:
+        start, constraints = self.start_and_constraints(step)
+        w = self.workspace
+        before = w.genes[w.order] if self.warm_start and self._has_searched else None
+        numbers = self.seed, step.sample, self.generations, len(w.genes), self.options
+        inputs = step.history, step.home, step.target, step.lower, step.upper, step.swept, step.standoff
+        key = key_of("step", *numbers, *inputs, before, kept) if is_journalled() else None
+        values = remembered(key, lambda: self._search_anew(step, start, constraints, before is not None, kept))
+        w.genes[:], w.order[:] = values["genes"], np.arange(len(w.order))  # what the next step may begin with
+        self._has_searched = True
+        F = values["F"]
+        genes = values["genes"][: len(F)]
+        history = KeptGenerations(values["generation_genes"], values["generation_F"])
+        return Population(genes=genes, F=F, q=_decode(genes, start)), history, start
+
+    def _search_anew(
+        self, step: ControlStep, start: StepStart, constraints: StepConstraints, warm_start: bool, kept: int
+    ) -> dict[str, np.ndarray]:
+        """Return all genes, those that did not fail first, the objectives of these, and the generations kept."""
         from paretoik.closed_loop.engine import search  # here: numba takes its time
 
-        start, constraints = self.start_and_constraints(step)
         n, w = self.dof, self.workspace
         rows = np.concatenate([step.home, step.target, self.programs.constants])
         w.inputs[ORDERS * n : ORDERS * n + len(rows)] = rows[:, None]
-        warm_start = self.warm_start and self._has_searched
-        numbers = self.seed, step.sample, self.generations, self.options
         history = KeptGenerations(np.empty((kept, *w.genes.shape)), np.empty((kept, len(w.genes), len(w.F))))
+        numbers = self.seed, step.sample, self.generations, self.options
         alive = search(*numbers, start, self._objectives, constraints, w, warm_start, history)
-        self._has_searched = True
-        genes = w.genes[w.order[:alive]]
         F = w.F[: self.objectives, :alive].T.copy()
-        return Population(genes=genes, F=F, q=_decode(genes, start)), history, start
+        return {"genes": w.genes[w.order], "F": F, "generation_genes": history.genes, "generation_F": history.F}
 
     def start_and_constraints(self, step: ControlStep) -> tuple[StepStart, StepConstraints]:
         """Return where a step begins and what it must keep, as the engine takes them.

@@ -12,14 +12,14 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from paretoik.file_replacement import SAVED
-from paretoik.run_files import CONTENTS, FORMER, has_result
+from paretoik.run_files import CONTENTS, FORMER, can_resume, has_result
 
 PART = f"{FORMER}.part"
 
 
 def set_aside(place: Path) -> None:
-    """Move the run in a folder into `.former-run` within it; what has no result, as a failed one, is removed."""
-    if not has_result(place):
+    """Move the run in a folder into `.former-run` within it; one without a result, and nothing to go on, is removed."""
+    if not (has_result(place) or can_resume(place)):
         remove_run(place)
         return
     part = place / PART

@@ -13,7 +13,7 @@ from typing import BinaryIO
 from paretoik.errors import InvalidInput
 from paretoik.execution.former_run import PART, set_aside, settle
 from paretoik.file_replacement import SAVED, only_writer
-from paretoik.run_files import FORMER, RUN, is_run
+from paretoik.run_files import FORMER, RUN, has_result, is_run
 
 LOCK = ".lock"
 
@@ -57,6 +57,34 @@ def lock_folder(place: Path) -> Iterator[Path]:
     Warns where it puts back a run that a killed process was to replace. Raises InvalidInput where the folder cannot be
     locked, or another process is writing into it.
     """
+    with _locked(place):
+        with _refusal(place), only_writer(place):
+            restored = settle(place)
+        if restored:
+            text = f"{place}: the process that was to replace its run ended without a result; that run is back"
+            warnings.warn(text, RuntimeWarning, stacklevel=2)
+        yield place
+
+
+@contextmanager
+def reclaim_folder(place: Path) -> Iterator[Path]:
+    """Lock the folder of a run that goes on, with all that is there, against every other writer while the body runs.
+
+    A run that it is to replace is removed once the body ends with a result, and else waits on. Raises InvalidInput
+    where the folder cannot be locked, or another process is writing into it.
+    """
+    with _locked(place):
+        try:
+            yield place
+        finally:
+            with _refusal(place), only_writer(place):
+                if has_result(place):
+                    settle(place)
+
+
+@contextmanager
+def _locked(place: Path) -> Iterator[None]:
+    """Hold the lock of a folder that is empty or a run's, which ends with the process; raises InvalidInput."""
     with _refusal(place):
         foreign = _foreign_entry(place)
         if foreign is not None:
@@ -65,12 +93,7 @@ def lock_folder(place: Path) -> Iterator[Path]:
         lock = os.fdopen(os.open(place / LOCK, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666), "r+b")
     with lock:
         _lock(lock, place)
-        with _refusal(place), only_writer(place):
-            restored = settle(place)
-        if restored:
-            text = f"{place}: the process that was to replace its run ended without a result; that run is back"
-            warnings.warn(text, RuntimeWarning, stacklevel=2)
-        yield place
+        yield
 
 
 @contextmanager

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from typing import Any, get_args
 
 import numpy as np
@@ -16,9 +16,11 @@ from jaxtyping import Float
 from paretoik import stop_flag
 from paretoik.arrays import Points
 from paretoik.errors import InvalidInput
+from paretoik.journal import remembered
 from paretoik.nlp import sqp
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.program import Goal, Program, Solver
+from paretoik.nlp.program_key import program_key
 from paretoik.nlp.solutions import CONVERGED, INTERRUPTED, NO_PROGRESS, NOT_FINITE, Solutions
 from paretoik.nlp.violation import violation_of
 from paretoik.stop_flag import STOP, Interrupted, check_interruption
@@ -99,6 +101,8 @@ def _interior_point(
         ]
     unknown = np.full(len(program.upper), np.nan)
     ends: list[Any] = [(start, INTERRUPTED, 0, unknown, None, np.nan, np.nan) for start in x]
+    points = zip(x, weights, upper, options, strict=True)
+    keys = [program_key("interior-point minimum", program, start, rows, *inputs) for start, *inputs in points]
     remaining = iter(range(count))
 
     def work(kernel: Any) -> None:
@@ -106,7 +110,7 @@ def _interior_point(
             if STOP[0]:
                 return
             start = np.ascontiguousarray(x[i]), weights[i].copy(), rows, upper[i].copy()
-            ends[i] = search(kernel, *start, options[i], STOP)
+            ends[i] = _remembered_end(keys[i], partial(search, kernel, *start, options[i], STOP))
 
     if count == 1 and type(kernel) in _COMPILED and _hears_signals():
         work(kernel)
@@ -172,10 +176,33 @@ def _sqp(
             ends.append((start, INTERRUPTED, 0, np.full(len(program.upper), np.nan), None, np.nan, np.nan))
             continue
         settings = sqp.SqpOptions(radius=each.radius, iterations=each.iterations, tolerance=each.tolerance)
-        end = sqp.minimise(program, start, Goal(weights=factors, rows=rows, upper=bounds), settings)
-        point = end.x, end.status, end.iterations, end.objectives
-        ends.append((*point, end.bound_multipliers, end.stationarity, end.violation))
+        goal = Goal(weights=factors, rows=rows, upper=bounds)
+        key = program_key("SQP minimum", program, start, factors, rows, bounds, each)
+        ends.append(_remembered_end(key, partial(_sqp_end, program, start, goal, settings)))
     return _collect(ends, x.shape, len(program.upper), upper)
+
+
+def _sqp_end(program: Program, start: np.ndarray, goal: Goal, settings: sqp.SqpOptions) -> tuple[Any, ...]:
+    end = sqp.minimise(program, start, goal, settings)
+    point = end.x, end.status, end.iterations, end.objectives
+    return (*point, end.bound_multipliers, end.stationarity, end.violation)
+
+
+END = ("x", "status", "iterations", "F", "multipliers", "stationarity", "violation")
+
+
+def _remembered_end(key: bytes | None, search: Callable[[], tuple[Any, ...]]) -> tuple[Any, ...]:
+    """Return the end of a search, from the run's journal where it is there."""
+    if key is None:
+        return search()
+
+    def compute() -> dict[str, np.ndarray]:
+        end = zip(END, search(), strict=True)
+        return {name: np.asarray(value) for name, value in end if value is not None}
+
+    values = remembered(key, compute)
+    end = {name: values[name] if values[name].ndim else values[name].item() for name in END if name in values}
+    return tuple(end.get(name) for name in END)
 
 
 def _collect(

@@ -17,9 +17,11 @@ from jaxtyping import Float
 from paretoik.arrays import Point, Points
 from paretoik.errors import EvaluationFailed, SolverFailed
 from paretoik.front.certificates import Certificates
+from paretoik.journal import remembered
 from paretoik.nlp.conic import Constraints
 from paretoik.nlp.criticality import active_set_criticality, criticality
 from paretoik.nlp.program import Goal, Linearisation, Program, bounded
+from paretoik.nlp.program_key import program_key
 from paretoik.nlp.violation import violation_at, violation_of
 from paretoik.pareto.curvature import Curvature, curvature_at, undetermined
 from paretoik.pareto.exchange_rates import exchange_intervals, exchange_rates, weight_ratios
@@ -35,6 +37,7 @@ class CertificateOptions:
 
 
 OPTIONS = CertificateOptions()
+NUMBERS = ("violation", "weights", "ratios", "residual")  # of a certificate
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -71,7 +74,7 @@ def certify(
     for i, (each, one) in enumerate(zip(programs, x, strict=True)):
         try:
             check_interruption()
-            certificates.append(_certify_point(each, one, ranges))
+            certificates.append(_remembered_certificate(each, one, ranges))
         except Interrupted:
             certificates.append(_unknown(each, one, n_obj, "interrupted before it was certified"))
             continue
@@ -121,6 +124,30 @@ def weights_at(program: Program, x: Points, n_obj: int) -> Float[np.ndarray, "po
             if result.value <= OPTIONS.critical:
                 row[:] = result.weights
     return weights
+
+
+def _remembered_certificate(program: Program, x: Point, ranges: Float[np.ndarray, " n_obj"]) -> _Certificate:
+    """Return the certificate of a point, from the run's journal where it is there."""
+    key = program_key("certificate", program, x, ranges)
+    if key is None:
+        return _certify_point(program, x, ranges)
+
+    def compute() -> dict[str, np.ndarray]:
+        certificate = _certify_point(program, x, ranges)
+        curvature = certificate.curvature
+        better = {} if curvature.better is None else {"better": curvature.better}
+        numbers = {name: np.asarray(getattr(certificate, name)) for name in NUMBERS}
+        return {**numbers, "curvature": np.array([curvature.status, curvature.reason], dtype=np.str_), **better}
+
+    values = remembered(key, compute)
+    status, reason = map(str, values["curvature"])
+    return _Certificate(
+        violation=float(values["violation"]),
+        weights=values["weights"],
+        ratios=values["ratios"],
+        residual=float(values["residual"]),
+        curvature=Curvature(status=status, reason=reason, better=values.get("better")),
+    )
 
 
 def _certify_point(program: Program, x: Point, ranges: Float[np.ndarray, " n_obj"]) -> _Certificate:

@@ -112,6 +112,11 @@ class Search:
         self._evaluated: Mask = np.zeros(0, dtype=bool)
 
     @property
+    def seed(self) -> int:
+        """Where all chance comes from."""
+        return self._seed
+
+    @property
     def generation(self) -> int:
         """Generations completed, which is the index of the one being asked."""
         return self._generation

@@ -1,0 +1,37 @@
+"""``paretoik resume``: let a run go on that was stopped or killed."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from paretoik.api.progress_display import open_observer
+from paretoik.cli.console import JsonFlag, QuietFlag, RunFolder, finish_front, stdout_for_results
+from paretoik.cli.options import TimeLimit
+from paretoik.cli.plan import finish_plan
+from paretoik.front.front import Front
+from paretoik.run_files import RUN, read_run
+
+
+def resume(
+    run: RunFolder,
+    time_limit: TimeLimit = None,
+    live: Annotated[
+        bool, typer.Option("--live", help="Open a viewer on the run; without a screen, say how to attach one.")
+    ] = False,
+    quiet: QuietFlag = False,
+    as_json: JsonFlag = False,
+) -> None:
+    """Let a run go on that was stopped or killed.
+
+    What it comes to is what it would have come to had it never stopped.
+    """
+    with stdout_for_results(), open_observer(not quiet, time_limit=time_limit) as observe:
+        from paretoik.api.resume import resume as resume_run
+
+        result = resume_run(run, time_limit=time_limit, live=live, observe=observe or False)
+    if isinstance(result, Front):
+        finish_front(result, run, as_json=as_json)
+    objective = read_run(run / RUN)["objective"]
+    finish_plan(result, objective["name"], objective["unit"], run, as_json=as_json)
