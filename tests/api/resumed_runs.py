@@ -1,0 +1,78 @@
+"""Runs of every verb that can go on, small ones, and how one is killed after so many entries of its journal.
+
+python -m tests.api.resumed_runs VERB FOLDER ENTRIES
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from pathlib import Path
+
+import numpy as np
+
+import paretoik as pk
+from paretoik.journal import Journal
+from tests.api.problems import tracking
+
+
+def loop() -> pk.ClosedLoop:
+    path = pk.circle((0.30, 0.10), 0.005, duration=1.0, samples=21)
+    objectives = [pk.joint_displacement, pk.position_error]
+    return pk.ClosedLoop(pk.arms.tringali_3r(), path, objectives=objectives, population=20, generations=8)
+
+
+PROBLEMS = {
+    "search": tracking,
+    "solve": tracking,
+    "solve from motions": tracking,
+    "loop": loop,
+    "plan": lambda: tracking(pk.kinetic_energy, velocity=3.8),
+    "epsilon_front": tracking,
+    "refine": tracking,
+}
+
+
+def source(problem: pk.Tracking) -> pk.Front:
+    return pk.solve(problem, population=12, generations=4, seed=3, points=4)
+
+
+def run(verb: str, out: Path) -> pk.Front | pk.Plan:
+    """Run a verb into a folder."""
+    problem = PROBLEMS[verb]()
+    match verb:
+        case "search":
+            return pk.solve(problem, population=12, generations=12, seed=2, out=out, target=[0.0, -np.inf])
+        case "solve":
+            return pk.solve(problem, population=12, generations=11, seed=1, points=5, refine=True, out=out)
+        case "solve from motions":
+            motions = source(problem).motions[:2]
+            return pk.solve(problem, population=12, generations=4, initial=motions, points=None, out=out)
+        case "loop":
+            return pk.solve(problem, out=out, record_steps=[3])
+        case "plan":
+            motion = source(tracking()).motions[0]
+            return pk.plan(problem, starts=6, initial=motion, out=out)
+        case "epsilon_front":
+            return pk.epsilon_front(problem, points=4, starts=4, out=out)
+        case _:
+            return pk.refine(source(problem), out=out)
+
+
+def kill_after(entries: int) -> None:
+    """Let this process kill itself as soon as a journal has so many entries."""
+    append = Journal.append
+
+    def counted(journal: Journal, *arguments: object) -> None:
+        append(journal, *arguments)
+        if len(journal) >= entries:
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    Journal.append = counted
+
+
+if __name__ == "__main__":
+    verb, folder, entries = sys.argv[1:]
+    kill_after(int(entries))
+    run(verb, Path(folder))

@@ -1,0 +1,199 @@
+"""A run that was stopped or killed goes on, and comes to what it would have come to."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import paretoik as pk
+from paretoik.errors import InvalidInput, InvalidRun
+from paretoik.execution.run_folder import lock_folder
+from paretoik.run_files import CHECKPOINT, FORMER, JOURNAL, RUN
+from tests.api.problems import tracking
+from tests.api.resumed_runs import PROBLEMS, run
+
+ROOT = Path(__file__).parents[2]
+ENTRIES = {  # of the journal when the process is killed
+    "search": 7,
+    "solve": 30,
+    "solve from motions": 3,
+    "loop": 9,
+    "plan": 8,
+    "epsilon_front": 14,
+    "refine": 5,
+}
+
+
+def killed(verb: str, folder: Path, entries: int) -> None:
+    """Run a verb into a folder in a process that is killed on the way."""
+    command = [sys.executable, "-m", "tests.api.resumed_runs", verb, str(folder), str(entries)]
+    process = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert process.returncode == -signal.SIGKILL, process.stderr
+
+
+def check_same_front(resumed: pk.Front, whole: pk.Front) -> None:
+    for name in ("ids", "objectives", "genes", "violation", "ranges"):
+        assert np.array_equal(getattr(resumed, name), getattr(whole, name)), name
+    assert np.array_equal(resumed.motions.q, whole.motions.q)
+    assert (resumed.certificates is None) == (whole.certificates is None)
+    for name in () if whole.certificates is None else ("status", "reason"):
+        assert np.array_equal(getattr(resumed.certificates, name), getattr(whole.certificates, name)), name
+    for name in () if whole.certificates is None else ("kkt_residual", "weights", "exchange_rates"):
+        values = (getattr(front.certificates, name) for front in (resumed, whole))
+        assert np.array_equal(*values, equal_nan=True), name
+
+
+def check_same(resumed: pk.Front | pk.Plan, whole: pk.Front | pk.Plan) -> None:
+    if isinstance(whole, pk.Front):
+        check_same_front(resumed, whole)
+    else:
+        assert len(resumed.optima) == len(whole.optima)
+        for one, other in zip(resumed.optima, whole.optima, strict=True):
+            assert (one.objective, one.label, one.status) == (other.objective, other.label, other.status)
+            assert np.array_equal(one.motion.q, other.motion.q)
+    differ = {"counts", "refined", "parent"}
+    told = [{key: value for key, value in each.provenance.items() if key not in differ} for each in (resumed, whole)]
+    assert told[0] == told[1]
+
+
+@pytest.mark.parametrize("verb", PROBLEMS)
+def test_a_killed_run_goes_on_and_comes_to_what_a_whole_one_does_bit_for_bit(verb, tmp_path):
+    whole = run(verb, tmp_path / "whole")
+    killed(verb, tmp_path / "killed", ENTRIES[verb])
+    entry = json.loads((tmp_path / "killed" / RUN).read_text())
+    assert entry["status"] in ("running", "refining")
+    assert not (tmp_path / "whole" / CHECKPOINT).exists()
+    resumed = pk.resume(tmp_path / "killed", PROBLEMS[verb]())
+    check_same(resumed, whole)
+    assert not (tmp_path / "killed" / CHECKPOINT).exists()
+    with pytest.raises(InvalidInput, match="wanted a run of solve, plan, front or refine that was stopped"):
+        pk.resume(tmp_path / "killed", PROBLEMS[verb]())
+
+
+@pytest.fixture(scope="module")
+def stopped(tmp_path_factory):
+    """The folder of a search that its observer interrupted after five generations."""
+    folder = tmp_path_factory.mktemp("stopped") / "run"
+
+    def interrupt(progress):
+        if progress.stage == "generation" and progress.done == 5:
+            signal.raise_signal(signal.SIGINT)
+
+    front = pk.solve(tracking(), population=12, generations=12, seed=2, out=folder, observe=interrupt)
+    assert (front.provenance["status"], front.provenance["counts"]["generations"]) == ("SIGINT", 5)
+    return folder
+
+
+@pytest.fixture
+def copy(stopped, tmp_path):
+    """A copy of it."""
+    import shutil
+
+    return Path(shutil.copytree(stopped, tmp_path / "copy"))
+
+
+def test_a_run_that_a_signal_stopped_has_its_result_and_goes_on(copy):
+    assert len(pk.load_front(copy, tracking())) > 0
+    seen = []
+    resumed = pk.resume(copy, tracking(), observe=lambda progress: seen.append(progress.done))
+    assert resumed.provenance["status"] == "generations"
+    check_same_front(resumed, pk.solve(tracking(), population=12, generations=12, seed=2))
+
+
+def test_a_run_goes_on_as_often_as_it_is_stopped(copy):
+    for last in (7, 9):
+
+        def interrupt(progress, last=last):
+            if progress.stage == "generation" and progress.done == last:
+                signal.raise_signal(signal.SIGTERM)
+
+        front = pk.resume(copy, tracking(), observe=interrupt)
+        assert (front.provenance["status"], front.provenance["counts"]["generations"]) == ("SIGTERM", last)
+    check_same_front(pk.resume(copy, tracking()), pk.solve(tracking(), population=12, generations=12, seed=2))
+
+
+def test_another_problem_is_refused_and_the_run_stays(copy):
+    with pytest.raises(InvalidInput, match="wants the problem that the run solves, but its fingerprint is another"):
+        pk.resume(copy, tracking(velocity=1.0))
+    with pytest.raises(InvalidInput, match="the problem wanted that the run solves"):
+        pk.resume(copy)
+    assert (copy / CHECKPOINT / JOURNAL).exists()
+
+
+def test_other_versions_of_libraries_are_refused_by_name(copy, monkeypatch):
+    monkeypatch.setattr("paretoik.api.run_session.version", lambda name: "0.0.1")
+    with pytest.raises(InvalidInput, match=r"wanted paretoik \S+, as the run has it, got 0\.0\.1"):
+        pk.resume(copy, tracking())
+
+
+def test_a_damaged_journal_is_refused_and_the_result_stays(copy):
+    journal = copy / CHECKPOINT / JOURNAL
+    content = bytearray(journal.read_bytes())
+    content[200] ^= 1
+    journal.write_bytes(content)
+    with pytest.raises(InvalidRun, match="got one that is damaged at byte"):
+        pk.resume(copy, tracking())
+    assert len(pk.load_front(copy, tracking())) > 0
+
+
+def test_genes_that_the_search_does_not_ask_for_again_are_refused(copy):
+    from paretoik.journal import Journal, key_of
+
+    (copy / CHECKPOINT / JOURNAL).unlink()
+    journal = Journal(copy / CHECKPOINT / JOURNAL)
+    names = ("kinetic_energy", "torque_norm")
+    foreign = {"asked": np.zeros(32, np.uint8), "F": np.zeros((12, 2)), "G": np.zeros((12, 0)), "H": np.zeros((12, 0))}
+    causes = {"failed": np.zeros(0, int), "causes": np.zeros(0, "U1")}
+    journal.append(key_of("generation", names, 2, 0), foreign | causes)
+    journal.close()
+    with pytest.raises(InvalidRun, match="generation 1: wanted the genes that the journal of the run has, got others"):
+        pk.resume(copy, tracking())
+    assert len(pk.load_front(copy, tracking())) > 0
+
+
+def test_a_second_writer_is_refused(copy):
+    with lock_folder(copy), pytest.raises(InvalidInput, match="wanted to be its only writer"):
+        pk.resume(copy, tracking())
+
+
+def test_a_folder_that_is_no_run_is_refused_and_left_alone(tmp_path):
+    (tmp_path / "notes").write_text("mine")
+    with pytest.raises(InvalidRun, match="wanted a plain file, got nothing"):
+        pk.resume(tmp_path)
+    assert [file.name for file in tmp_path.iterdir()] == ["notes"]
+
+
+def test_a_killed_run_that_was_to_replace_another_goes_on_and_replaces_it(stopped, tmp_path):
+    folder = tmp_path / "run"
+    first = pk.solve(tracking(), population=12, generations=2, seed=5, out=folder)
+    script = (
+        "import sys; import paretoik as pk; from tests.api.problems import tracking; "
+        "from tests.api.resumed_runs import kill_after; kill_after(7); "
+        "pk.solve(tracking(), population=12, generations=12, seed=2, out=sys.argv[1], overwrite=True)"
+    )
+    process = subprocess.run([sys.executable, "-c", script, str(folder)], cwd=ROOT, capture_output=True, check=False)
+    assert process.returncode == -signal.SIGKILL
+    assert np.array_equal(pk.load_front(folder / FORMER, tracking()).objectives, first.objectives)
+    check_same_front(pk.resume(folder, tracking()), pk.solve(tracking(), population=12, generations=12, seed=2))
+    assert not (folder / FORMER).exists()
+
+
+def test_an_algorithm_of_the_users_own_is_asked_for_again(tmp_path):
+    from pymoo.algorithms.moo.nsga2 import NSGA2
+
+    def interrupt(progress):
+        if progress.stage == "generation" and progress.done == 3:
+            signal.raise_signal(signal.SIGINT)
+
+    problem = tracking()
+    pk.solve(problem, algorithm=NSGA2(pop_size=12), generations=6, seed=2, out=tmp_path, observe=interrupt)
+    with pytest.raises(InvalidInput, match="algorithm: NSGA2 wanted, as the run has it, got none"):
+        pk.resume(tmp_path, problem)
+    resumed = pk.resume(tmp_path, problem, algorithm=NSGA2(pop_size=12))
+    check_same_front(resumed, pk.solve(problem, algorithm=NSGA2(pop_size=12), generations=6, seed=2))
