@@ -5,14 +5,16 @@ there, and the rest is computed. What depends on its inputs alone comes out the 
 never stopped.
 
 The file begins with `MAGIC`; then come frames: the length of the payload (8 bytes, little-endian), the SHA-256 digest
-of the digest before, that length and the payload, and the payload, an Arrow stream of one row. A frame at the end that
-is cut or damaged is what a killed process was writing, and is cut off; damage further ahead is refused.
+of the digest before, that length and the payload, and the payload: the length of its head (4 bytes), the head as JSON,
+the key and the name, type and shape of every array, and their bytes. A frame at the end that is cut or damaged is what
+a killed process was writing, and is cut off; damage further ahead is refused.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
+import math
 import os
 import struct
 import threading
@@ -30,7 +32,8 @@ from paretoik.errors import InvalidInput, InvalidRun
 from paretoik.stop_flag import STOP
 
 MAGIC = b"paretoik journal 1\n"
-HEAD = struct.Struct("<Q32s")
+HEAD = struct.Struct("<Q32s")  # of a frame
+LENGTH = struct.Struct("<I")  # of the head of a payload
 KINDS = "biufU"  # of arrays that are plain numbers or text
 
 Values: TypeAlias = Mapping[str, np.ndarray]
@@ -81,7 +84,7 @@ class Journal:
         if place is None:
             return None
         offset, length = place
-        return _decode(os.pread(self._descriptor, length, offset))[1]
+        return _decode(os.pread(self._descriptor, length, offset))
 
     def append(self, key: bytes, values: Values) -> None:
         """Append values under a key. On a full disk a warning says that no more is kept, and the run goes on."""
@@ -125,7 +128,11 @@ class Journal:
             _write_at(self._descriptor, MAGIC, 0)
             return
         for offset, payload, digest in self._frames(size):
-            self._places[_decode(payload)[0]] = (offset, len(payload))
+            try:
+                key = _decode_head(payload)[0]
+            except (ValueError, TypeError, RecursionError) as fault:
+                raise InvalidRun(f"{self._file}: wanted arrays at byte {offset}, got {fault}") from fault
+            self._places[key] = (offset, len(payload))
             self._digest, self._end = digest, offset + len(payload)
         os.ftruncate(self._descriptor, self._end)
 
@@ -218,32 +225,33 @@ def _write_at(descriptor: int, content: bytes, offset: int) -> None:
 
 
 def _encode(key: bytes, values: Values) -> bytes:
-    import pyarrow as pa
-
-    fields, columns = [], []
-    for name, value in values.items():
-        array = np.ascontiguousarray(value)
+    arrays = {name: np.ascontiguousarray(value).reshape(np.shape(value)) for name, value in values.items()}
+    for name, array in arrays.items():
         if array.dtype.kind not in KINDS:
             raise InvalidInput(f"journal: numbers and text wanted, got {array.dtype} for {name!r}")
-        shape = json.dumps(np.shape(value))
-        fields.append(pa.field(name, pa.large_binary(), metadata={"dtype": array.dtype.str, "shape": shape}))
-        columns.append(pa.array([array.tobytes()], pa.large_binary()))
-    schema = pa.schema(fields, metadata={"key": key.hex()})
-    sink = pa.BufferOutputStream()
-    with pa.ipc.new_stream(sink, schema) as stream:
-        stream.write_batch(pa.record_batch(columns, schema=schema))
-    return bytes(sink.getvalue())
+    columns = [[name, array.dtype.str, array.shape] for name, array in arrays.items()]
+    head = json.dumps([key.hex(), columns]).encode()
+    return b"".join([LENGTH.pack(len(head)), head, *(array.tobytes() for array in arrays.values())])
 
 
-def _decode(payload: bytes) -> tuple[bytes, dict[str, np.ndarray]]:
-    """Return the key and the values of a frame."""
-    import pyarrow as pa
+def _decode_head(payload: bytes) -> tuple[bytes, list[tuple[str, np.dtype[Any], tuple[int, ...]]], int]:
+    """Return the key of a frame, the name, type and shape of its arrays, and where these begin; raises ValueError."""
+    (length,) = LENGTH.unpack_from(payload.ljust(LENGTH.size, b"\0"))
+    begin = LENGTH.size + length
+    key, columns = json.loads(payload[LENGTH.size : begin])
+    arrays = [(str(name), np.dtype(kind), tuple(shape)) for name, kind, shape in columns]
+    sizes = [kind.itemsize * math.prod(shape) for _, kind, shape in arrays]
+    plain = all(kind.kind in KINDS and all(type(n) is int and n >= 0 for n in shape) for _, kind, shape in arrays)
+    if not plain or begin + sum(sizes) != len(payload):
+        raise ValueError("arrays that are not there")
+    return bytes.fromhex(key), arrays, begin
 
-    with pa.ipc.open_stream(payload) as stream:
-        batch = stream.read_next_batch()
-    values: dict[str, Any] = {}
-    for place, field in enumerate(batch.schema):
-        kind = np.dtype(field.metadata[b"dtype"].decode())
-        array = np.frombuffer(batch.column(place)[0].as_buffer(), kind)
-        values[field.name] = array.reshape(json.loads(field.metadata[b"shape"])).copy()
-    return bytes.fromhex(batch.schema.metadata[b"key"].decode()), values
+
+def _decode(payload: bytes) -> dict[str, np.ndarray]:
+    _, arrays, offset = _decode_head(payload)
+    values: dict[str, np.ndarray] = {}
+    for name, kind, shape in arrays:
+        count = math.prod(shape)
+        values[name] = np.frombuffer(payload, kind, count, offset).reshape(shape).copy()
+        offset += count * kind.itemsize
+    return values

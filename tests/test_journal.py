@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import struct
 
@@ -201,3 +202,33 @@ def test_keys_differ_with_kind_type_shape_bits_and_text():
     ]
     assert len(set(keys)) == len(keys)
     assert key_of("a", np.asfortranarray(np.ones((2, 3)))) == key_of("a", np.ones((2, 3)))
+
+
+@pytest.mark.parametrize(
+    "payload",
+    [
+        b"",
+        b"\xff\xff\xff\xff[]",
+        b"\2\0\0\0{}",
+        b"\2\0\0\0[]",
+        *(
+            struct.pack("<I", len(head)) + head + rest
+            for head, rest in [
+                (b'["zz", []]', b""),
+                (b'["00", [["x", "<f8", [2]]]]', b"12345678"),
+                (b'["00", [["x", "<f8", [1099511627776, 1099511627776]]]]', b"12345678"),
+                (b'["00", [["x", "<f8", [-1]]]]', b""),
+                (b'["00", [["x", "<f8", [1.0]]]]', b"12345678"),
+                (b'["00", [["x", "|O", [1]]]]', b"12345678"),
+                (b'["00", [["x", "no such type", [1]]]]', b"1"),
+                (b'["00", "x"]', b""),
+                (b"[" * 100_000, b""),
+            ]
+        ),
+    ],
+)
+def test_a_whole_frame_that_someone_made_up_is_refused_in_a_line(tmp_path, payload):
+    digest = hashlib.sha256(hashlib.sha256(MAGIC).digest() + struct.pack("<Q", len(payload)) + payload).digest()
+    (tmp_path / "journal").write_bytes(MAGIC + HEAD.pack(len(payload), digest) + payload)
+    with pytest.raises(InvalidRun, match=r"wanted arrays at byte \d+, got .+"):
+        Journal(tmp_path / "journal")
