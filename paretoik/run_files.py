@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import shlex
 from collections.abc import Mapping
 from pathlib import Path, PurePath
 from typing import Any
@@ -132,7 +133,7 @@ def read_run(file: Path, *, kind: str = "a run") -> dict[str, Any]:
     try:
         content = read_plain_file(file)
     except InvalidRun as fault:
-        raise InvalidRun(f"{fault}{former_note(file.parent)}") from None
+        raise InvalidRun(f"{fault}{unfinished_note(file.parent)}") from None
     try:
         run = json.loads(content, parse_constant=_refuse_constant)
     except (ValueError, RecursionError) as fault:
@@ -166,10 +167,11 @@ def can_resume(folder: Path) -> bool:
     return is_run(folder / RUN) and (folder / CHECKPOINT / JOURNAL).is_file()
 
 
-def former_note(folder: Path) -> str:
-    """Say where the run is that the one in a folder replaces, if it is still kept, to be added to an error."""
+def unfinished_note(folder: Path) -> str:
+    """Say what can be done with a run that has no result, and where the one is that it replaces, after an error."""
     former = folder / FORMER
-    return f"; the run that it was to replace is in {former}" if is_run(former / RUN) else ""
+    resumed = f"; 'paretoik resume {shlex.quote(str(folder))}' goes on with it" if can_resume(folder) else ""
+    return resumed + (f"; the run that it was to replace is in {former}" if is_run(former / RUN) else "")
 
 
 def _entries(file: Path) -> dict[str, Any] | None:

@@ -16,7 +16,7 @@ from paretoik.errors import InvalidRun
 from paretoik.file_replacement import without_writers
 from paretoik.front.joint_motions import StoredJoints, StoredMotions
 from paretoik.front.storage import array_bytes, motion_arrays, read_motions, read_verified
-from paretoik.run_files import MOTIONS, OPTIMA, RUN, check_digest, former_note, is_run, read_run, write_result
+from paretoik.run_files import MOTIONS, OPTIMA, RUN, check_digest, is_run, read_run, unfinished_note, write_result
 from paretoik.trajectory.plan import Plan
 
 HOLDS = "the optima of a plan, which load_plan opens"
@@ -52,7 +52,7 @@ def _read_plan(folder: Path) -> tuple[dict[str, Any], dict[str, list[Any]], Stor
     run = read_run(folder / RUN)
     if run.get("holds") != HOLDS:
         status = f" of status {run.get('status')!r}"
-        note = former_note(folder)
+        note = unfinished_note(folder)
         raise InvalidRun(f"{folder}: wanted a run with a plan, got one{'' if 'files' in run else status} without{note}")
     check_digest(folder / RUN, run)
     files, objective, levels = run.get("files"), run.get("objective"), run.get("levels")

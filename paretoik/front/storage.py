@@ -30,11 +30,11 @@ from paretoik.run_files import (
     RUN,
     TABLE,
     check_digest,
-    former_note,
     is_run,
     read_plain_file,
     read_run,
     result_files,
+    unfinished_note,
 )
 
 RESERVED_ENTRIES = ("format", "objectives", "points", "files", "digest")
@@ -217,7 +217,7 @@ def array_bytes(arrays: Mapping[str, np.ndarray]) -> bytes:
 def _read_front_entries(file: Path) -> dict[str, Any]:
     run = read_run(file)
     if "files" not in run:
-        note = former_note(file.parent)
+        note = unfinished_note(file.parent)
         raise InvalidRun(f"{file}: wanted a run with a front, got one of status {run.get('status')!r} without{note}")
     check_digest(file, run)
     if "holds" in run:

@@ -3,20 +3,15 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any, TypeAlias
-
-import numpy as np
 
 from paretoik.arrays import Genes
-from paretoik.errors import EvaluationFailed, InvalidInput, InvalidRun
-from paretoik.journal import key_of, remembered
-from paretoik.search.ask_tell import Candidates, Outcome, Search
+from paretoik.errors import EvaluationFailed, InvalidInput
+from paretoik.search.ask_tell import Search
 from paretoik.search.constraints import Floats
 from paretoik.search.endings import Ending, Progress
-
-Evaluate: TypeAlias = Callable[[Genes], Mapping[str, Any]]
+from paretoik.search.evaluation import Evaluate, evaluate_candidates
 
 
 def evolve(
@@ -61,30 +56,10 @@ def evolve(
         return "interrupted"
 
 
-def evaluate_rows(problem: Any, evaluate: Evaluate, X: Genes) -> Outcome:
-    """Evaluate a batch; if that raises, each row by itself: functions of users may raise anything, for any row."""
-    try:
-        return Outcome.of(problem, evaluate(X.copy()), len(X))
-    except InvalidInput:
-        raise
-    except Exception:
-        outcome = Outcome.of(problem, {}, len(X))
-    for row in range(len(X)):
-        try:
-            alone = Outcome.of(problem, evaluate(X[row : row + 1].copy()), 1)
-            outcome.F[row], outcome.G[row], outcome.H[row] = alone.F[0], alone.G[0], alone.H[0]
-            if alone.causes:
-                outcome.causes[row] = alone.causes[0]
-        except Exception as error:
-            outcome.F[row] = np.nan
-            outcome.causes[row] = f"{type(error).__name__}: {' '.join(str(error).split())}"
-    return outcome
-
-
 def _one_generation(search: Search, evaluate: Evaluate) -> None:
     candidates = search.ask()
     ids = candidates.ids
-    outcome = _remembered_outcome(search, candidates, evaluate)
+    outcome = evaluate_candidates(search, candidates, evaluate)
     causes = {int(ids[row]): cause for row, cause in outcome.causes.items()}
     search.tell(ids, outcome.F, outcome.G, H=outcome.H, causes=causes)
     if candidates.generation == 0 and search.failed.count == len(ids):
@@ -92,29 +67,6 @@ def _one_generation(search: Search, evaluate: Evaluate) -> None:
             f"first generation: a number from at least one evaluation wanted, all {len(ids)} failed, "
             f"the first with: {search.failed.first_cause}"
         )
-
-
-def _remembered_outcome(search: Search, candidates: Candidates, evaluate: Evaluate) -> Outcome:
-    """Return the outcome of a generation, from the run's journal where it is there.
-
-    Raises InvalidRun where the journal has that of other genes: then the search does not repeat itself.
-    """
-
-    def compute() -> dict[str, np.ndarray]:
-        outcome = evaluate_rows(search.problem, evaluate, candidates.X)
-        rows, causes = list(outcome.causes), list(outcome.causes.values())
-        texts = {"failed": np.array(rows, dtype=np.int64), "causes": np.array(causes, dtype=np.str_)}
-        return {"asked": asked, "F": outcome.F, "G": outcome.G, "H": outcome.H, **texts}
-
-    asked = np.frombuffer(key_of("genes", candidates.X), np.uint8)
-    values = remembered(key_of("generation", search.names, search.seed, candidates.generation), compute)
-    if not np.array_equal(values["asked"], asked):
-        raise InvalidRun(
-            f"generation {candidates.generation + 1}: wanted the genes that the journal of the run has, got others: "
-            "the problem, a library's version or the processor is another"
-        )
-    causes = dict(zip(values["failed"].tolist(), values["causes"].tolist(), strict=True))
-    return Outcome(F=values["F"], G=values["G"], H=values["H"], causes=causes)
 
 
 def _progress(search: Search, past: tuple[Floats, ...], seconds: float) -> Progress:

@@ -8,9 +8,11 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
+from pymoo.core.problem import ElementwiseProblem
 
 import paretoik as pk
 from paretoik.journal import Journal
@@ -21,6 +23,20 @@ def loop() -> pk.ClosedLoop:
     path = pk.circle((0.30, 0.10), 0.005, duration=1.0, samples=21)
     objectives = [pk.joint_displacement, pk.position_error]
     return pk.ClosedLoop(pk.arms.tringali_3r(), path, objectives=objectives, population=20, generations=8)
+
+
+class Slow(ElementwiseProblem):
+    """A problem whose rows take their time one by one, and are counted in a file."""
+
+    def __init__(self, counted: Path) -> None:
+        super().__init__(n_var=3, n_obj=2, xl=0.0, xu=1.0)
+        self.counted = counted
+
+    def _evaluate(self, x, out):
+        time.sleep(0.06)
+        with self.counted.open("a") as sink:
+            sink.write("x")
+        out["F"] = [x[0], (1 - x[0]) ** 2 + x[1] + x[2]]
 
 
 PROBLEMS = {

@@ -16,7 +16,7 @@ from paretoik.errors import InvalidInput, InvalidRun
 from paretoik.execution.run_folder import lock_folder
 from paretoik.run_files import CHECKPOINT, FORMER, JOURNAL, RUN
 from tests.api.problems import tracking
-from tests.api.resumed_runs import PROBLEMS, run
+from tests.api.resumed_runs import PROBLEMS, Slow, run
 
 ROOT = Path(__file__).parents[2]
 ENTRIES = {  # of the journal when the process is killed
@@ -66,8 +66,7 @@ def check_same(resumed: pk.Front | pk.Plan, whole: pk.Front | pk.Plan) -> None:
 def test_a_killed_run_goes_on_and_comes_to_what_a_whole_one_does_bit_for_bit(verb, tmp_path):
     whole = run(verb, tmp_path / "whole")
     killed(verb, tmp_path / "killed", ENTRIES[verb])
-    entry = json.loads((tmp_path / "killed" / RUN).read_text())
-    assert entry["status"] in ("running", "refining")
+    assert json.loads((tmp_path / "killed" / RUN).read_text())["status"] in ("running", "refining")
     assert not (tmp_path / "whole" / CHECKPOINT).exists()
     resumed = pk.resume(tmp_path / "killed", PROBLEMS[verb]())
     check_same(resumed, whole)
@@ -148,7 +147,7 @@ def test_genes_that_the_search_does_not_ask_for_again_are_refused(copy):
     (copy / CHECKPOINT / JOURNAL).unlink()
     journal = Journal(copy / CHECKPOINT / JOURNAL)
     names = ("kinetic_energy", "torque_norm")
-    foreign = {"asked": np.zeros(32, np.uint8), "F": np.zeros((12, 2)), "G": np.zeros((12, 0)), "H": np.zeros((12, 0))}
+    foreign = {"genes": np.zeros(32, np.uint8), "F": np.zeros((12, 2)), "G": np.zeros((12, 0)), "H": np.zeros((12, 0))}
     causes = {"failed": np.zeros(0, int), "causes": np.zeros(0, "U1")}
     journal.append(key_of("generation", names, 2, 0), foreign | causes)
     journal.close()
@@ -197,3 +196,20 @@ def test_an_algorithm_of_the_users_own_is_asked_for_again(tmp_path):
         pk.resume(tmp_path, problem)
     resumed = pk.resume(tmp_path, problem, algorithm=NSGA2(pop_size=12))
     check_same_front(resumed, pk.solve(problem, algorithm=NSGA2(pop_size=12), generations=6, seed=2))
+
+
+def test_what_rows_that_are_evaluated_one_by_one_took_is_not_lost_within_a_generation(tmp_path):
+    counted, folder = tmp_path / "counted", tmp_path / "run"
+    script = (
+        "import sys; from pathlib import Path; import paretoik as pk; "
+        "from tests.api.resumed_runs import Slow, kill_after; kill_after(2); "
+        "pk.solve(Slow(Path(sys.argv[1])), population=12, generations=2, seed=2, out=sys.argv[2])"
+    )
+    command = [sys.executable, "-c", script, str(counted), str(folder)]
+    assert subprocess.run(command, cwd=ROOT, capture_output=True, check=False).returncode == -signal.SIGKILL
+    before = counted.stat().st_size
+    resumed = pk.resume(folder, Slow(counted))
+    whole = pk.solve(Slow(tmp_path / "whole"), population=12, generations=2, seed=2)
+    assert np.array_equal(resumed.objectives, whole.objectives)
+    assert 12 > before > 0
+    assert counted.stat().st_size == (tmp_path / "whole").stat().st_size == 24

@@ -13,7 +13,7 @@ import pytest
 
 from paretoik.errors import InvalidInput
 from paretoik.execution.run_folder import LOCK, claim_folder, lock_folder
-from paretoik.run_files import CHOICES, CONTENTS, FORMER, RECORDING, RUN, former_note, write_run
+from paretoik.run_files import CHOICES, CONTENTS, FORMER, RECORDING, RUN, unfinished_note, write_run
 
 HOLDER = """
 import json, sys, time
@@ -140,7 +140,7 @@ def test_a_killed_process_leaves_the_run_that_it_was_to_replace(tmp_path):
     process = holder(tmp_path)
     process.send_signal(signal.SIGKILL)
     process.communicate()
-    assert former_note(tmp_path) == f"; the run that it was to replace is in {tmp_path / FORMER}"
+    assert unfinished_note(tmp_path) == f"; the run that it was to replace is in {tmp_path / FORMER}"
     with pytest.warns(RuntimeWarning, match="that run is back"), lock_folder(tmp_path):
         assert contents(tmp_path) == before
 

@@ -10,7 +10,8 @@ import pytest
 from paretoik.errors import EvaluationFailed, InvalidInput
 from paretoik.search.ask_tell import Search
 from paretoik.search.endings import Evaluations, Generations, Stagnation
-from paretoik.search.evolution import evaluate_rows, evolve
+from paretoik.search.evaluation import evaluate_rows
+from paretoik.search.evolution import evolve
 from tests.search.problems import Parabolas
 
 

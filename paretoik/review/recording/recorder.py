@@ -15,6 +15,7 @@ all others are kept.
 
 from __future__ import annotations
 
+import os
 import sys
 import warnings
 from collections.abc import Callable, Sequence
@@ -198,7 +199,7 @@ class Recorder:
                 self._attempt(lambda: process.complete(None))
         finally:
             process.stop()
-            part_of(self._file).unlink(missing_ok=True)
+            part_of(self._file, os.getpid()).unlink(missing_ok=True)
             self._process = None
 
     def _attempt(self, step: Callable[[], None]) -> None:

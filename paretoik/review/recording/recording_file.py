@@ -83,6 +83,8 @@ class RecordingFile:
         self._last: Any = None  # message of the series
         self._first = 0
         self._live = LiveView(parent.tell) if opening.live else None
+        # The recorder of a killed run may still be completing its file: a new one is not that one's.
+        self._file.unlink(missing_ok=True)
         self._stream, self._drawing = self._open(self._file)
         self._identity = self._file.stat().st_ino
         self._flushed, self._size = time.monotonic(), 0
@@ -145,7 +147,7 @@ class RecordingFile:
         """Let ``draw`` make a new file that then replaces the present one, which is whole until then."""
         self._stream.disconnect()
         self._check_space(self._file.stat().st_size)
-        part = part_of(self._file)
+        part = part_of(self._file, self._opening.run)
         self._stream, self._drawing = self._open(part)
         try:
             draw(self._drawing)

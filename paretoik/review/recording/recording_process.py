@@ -19,7 +19,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
 from types import MappingProxyType
@@ -58,13 +58,17 @@ OPTIONS = RecorderOptions()
 
 @dataclass(frozen=True, kw_only=True)
 class Opening:
-    """The first message: which file is to be written, how it is called, what it shows, and whether a viewer does."""
+    """The first message: which file is to be written, how it is called, what it shows, and whether a viewer does.
+
+    ``run`` is the number of the process whose run is recorded.
+    """
 
     file: str
     title: str
     scene: Any
     live: bool
     options: RecorderOptions
+    run: int = field(default_factory=os.getpid)
 
 
 class RecordingStoppedError(Exception):
@@ -269,9 +273,9 @@ def _environment() -> dict[str, str]:
     return os.environ | {"PYTHONPATH": path}
 
 
-def part_of(file: Path) -> Path:
-    """Return where the child writes the new content of a file, before it replaces it."""
-    return file.with_name(f".{file.name}.part")
+def part_of(file: Path, run: int) -> Path:
+    """Return where the child of a process writes the new content of a file, before it replaces it."""
+    return file.with_name(f".{file.name}.{run}")
 
 
 def cause_of(fault: Exception) -> str:
