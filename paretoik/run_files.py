@@ -13,6 +13,7 @@ import math
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path, PurePath
 from typing import Any
 
@@ -59,7 +60,16 @@ CONTENTS = (
 PAGES = (REPORT, PICTURE, CERTIFICATES, DRAWING)  # to be looked at; a run lives without
 PAGE_MARK = b'<meta name="generator" content="paretoik">'
 PICTURE_MARK = b"Software\0paretoik"  # a text chunk of PNG
-MARK_WITHIN = 4096  # bytes of the beginning of a page or a picture of ours
+
+
+@dataclass(frozen=True, kw_only=True)
+class MarkOptions:
+    """Where the mark of a page or a picture of ours is looked for: metadata come first in HTML and in PNG."""
+
+    beginning: int = 4096  # bytes
+
+
+OPTIONS = MarkOptions()
 
 
 def check_target(
@@ -91,7 +101,7 @@ def _has_mark(file: Path, mark: bytes) -> bool:
     if file.is_symlink() or not file.is_file():
         return False
     with file.open("rb") as content:
-        return mark in content.read(MARK_WITHIN)
+        return mark in content.read(OPTIONS.beginning)
 
 
 def replace_file(file: Path, content: bytes) -> None:
