@@ -222,8 +222,8 @@ def _entries(file: Path) -> dict[str, Any] | None:
 
 def digest(run: Mapping[str, Any]) -> str:
     """Return the SHA-256 digest of a run's entries, the one named "digest" left out."""
-    rest = {name: value for name, value in run.items() if name != "digest"}
-    return hashlib.sha256(json.dumps(rest, sort_keys=True).encode()).hexdigest()
+    entries = {name: value for name, value in run.items() if name != "digest"}
+    return hashlib.sha256(json.dumps(entries, sort_keys=True).encode()).hexdigest()
 
 
 def to_json(value: Any, *, name: str = "run") -> Any:

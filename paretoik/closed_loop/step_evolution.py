@@ -76,18 +76,18 @@ class StepEvolution:
 
         Raises Infeasible as ``start_and_constraints`` does.
         """
-        return self._search(step, kept=0)[0]
+        return self._search(step, recorded=0)[0]
 
     def with_generations(self, step: ControlStep) -> tuple[Population, Generations]:
         """Search a step and return the population with all generations that led to it; raises as a call does."""
-        population, kept, start = self._search(step, kept=self.generations + 1)
-        F = np.where(np.isfinite(kept.F).all(axis=2, keepdims=True), kept.F, np.nan)
+        population, history, start = self._search(step, recorded=self.generations + 1)
+        F = np.where(np.isfinite(history.F).all(axis=2, keepdims=True), history.F, np.nan)
         alive = np.isfinite(F).all(axis=2)
         q = np.full((*alive.shape, self.dof), np.nan)
-        q[alive] = _decode(kept.genes[alive], start)
+        q[alive] = _decode(history.genes[alive], start)
         return population, Generations(F=F[:, :, : self.objectives], q=q)
 
-    def _search(self, step: ControlStep, *, kept: int) -> tuple[Population, KeptGenerations, StepStart]:
+    def _search(self, step: ControlStep, *, recorded: int) -> tuple[Population, KeptGenerations, StepStart]:
         from paretoik.closed_loop.engine import search  # here: numba takes its time
 
         start, constraints = self.start_and_constraints(step)
@@ -96,7 +96,7 @@ class StepEvolution:
         w.inputs[ORDERS * n : ORDERS * n + len(rows)] = rows[:, None]
         warm_start = self.warm_start and self._has_searched
         numbers = self.seed, step.sample, self.generations, self.options
-        history = KeptGenerations(np.empty((kept, *w.genes.shape)), np.empty((kept, len(w.genes), len(w.F))))
+        history = KeptGenerations(np.empty((recorded, *w.genes.shape)), np.empty((recorded, len(w.genes), len(w.F))))
         alive = search(*numbers, start, self._objectives, constraints, w, warm_start, history)
         self._has_searched = True
         genes = w.genes[w.order[:alive]]

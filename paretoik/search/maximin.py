@@ -94,12 +94,12 @@ def survivors(
     chosen, distance = _by_maximin(Z, ranks, is_beyond, places)
     if species is not None and places:
         chosen, distance = _with_species(chosen, distance, ranks, species[feasible])
-    rest = np.concatenate((reserved, others[~np.isin(others, reserved)]))[: count - places]
+    infeasible = np.concatenate((reserved, others[~np.isin(others, reserved)]))[: count - places]
     worst = int(ranks.max(initial=-1)) + 1
     return Survivors(
-        index=np.concatenate((feasible[chosen], rest)),
-        rank=np.concatenate((ranks[chosen], worst + np.arange(rest.size))),
-        distance=np.concatenate((distance, np.zeros(rest.size))),
+        index=np.concatenate((feasible[chosen], infeasible)),
+        rank=np.concatenate((ranks[chosen], worst + np.arange(infeasible.size))),
+        distance=np.concatenate((distance, np.zeros(infeasible.size))),
         normalised=Z[chosen],
         is_beyond=is_beyond[chosen],
     )
