@@ -164,7 +164,7 @@ def subject_of(case: Case, *, points: int, seed: int, folder: Path) -> Subject:
 
 def goal_row(table: str, row: str, column: str, unit: str, ours: float, goal: float, note: str = "") -> Row:
     """Return a row that is lost where ours is more than the goal, which stands beside it, or no number."""
-    lost = LOSS if not ours <= goal else ""
+    prefix = LOSS if not ours <= goal else ""
     return Row(
         table=table,
         row=row,
@@ -173,7 +173,7 @@ def goal_row(table: str, row: str, column: str, unit: str, ours: float, goal: fl
         ours=ours,
         reference=goal,
         source="goal",
-        note=lost + (note or "goal"),
+        note=prefix + (note or "goal"),
     )
 
 

@@ -58,8 +58,8 @@ class RateComparison:
 
 def exchange_rows(subject: Subject) -> list[Row]:
     """Return how far rates are from differences, median and worst, and the same of intervals."""
-    wanted = list(pairs(subject))
-    comparisons = [one for one in (compare_rate(subject, *pair) for pair in wanted) if one is not None]
+    tried = list(pairs(subject))
+    comparisons = [one for one in (compare_rate(subject, *pair) for pair in tried) if one is not None]
     rows = []
     for kind, several in (
         ("rates", [one for one in comparisons if one.unique]),
@@ -70,22 +70,22 @@ def exchange_rows(subject: Subject) -> list[Row]:
         off = np.array([one.off for one in several])
         worst, names = several[int(off.argmax())], subject.front.names
         note = (
-            f"{len(several)} of {len(wanted)} pairs; worst {off.max():.1e}: ∂{names[worst.j]}/∂{names[worst.i]} at "
+            f"{len(several)} of {len(tried)} pairs; worst {off.max():.1e}: ∂{names[worst.j]}/∂{names[worst.i]} at "
             f"point {worst.point}, {worst.rate:.6g} beside {worst.backward:.6g} and {worst.forward:.6g}"
         )
         column = "median relative difference" if kind == "rates" else "worst way outside the interval"
         value = float(np.median(off) if kind == "rates" else off.max())
         rows.append(goal_row(subject.name, TABLE_ROW, column, "", value, AGREED, note))
-    lost = len(wanted) - len(comparisons)
-    if lost or not wanted:
+    missing = len(tried) - len(comparisons)
+    if missing or not tried:
         rows.append(
             Row(
                 table=subject.name,
                 row=TABLE_ROW,
                 column="not compared",
                 unit="pairs",
-                ours=lost,
-                note="no ε-solves that stay near" if wanted else "no point where two objectives count",
+                ours=missing,
+                note="no ε-solves that stay near" if tried else "no point where two objectives count",
             )
         )
     return rows

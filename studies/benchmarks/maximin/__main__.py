@@ -45,8 +45,8 @@ def choose_cases(names: Sequence[str], *, quick: bool) -> list[Case]:
     if unknown:
         wish = f"some of {', '.join(families)}, or of their problems' names such as {next(iter(every))}"
         raise SystemExit(f"--problems: {wish} wanted, got {', '.join(unknown)}")
-    wanted = set(names or (QUICK if quick else every))
-    chosen = [case for case in every.values() if {case.name, case.family} & wanted]
+    selected = set(names or (QUICK if quick else every))
+    chosen = [case for case in every.values() if {case.name, case.family} & selected]
     return [replace(case, generations=QUICK.get(case.name, 50)) for case in chosen] if quick else chosen
 
 
