@@ -63,7 +63,7 @@ def step_race(one: Trajectory, *, steps: int) -> list[Row]:
     model = one.surrogates.models["ellipsoids"]
     assert isinstance(model, PolynomialEllipsoids)
     planner, target = Planner(model, horizon=HORIZON, formulation="midpoint"), one.path[-1]
-    ours, theirs = list[float](), {peer: Beside() for peer in PEERS}
+    ours, theirs = list[float](), {peer: PeerSteps() for peer in PEERS}
     third = max(1, len(one.path) // 4)
     for begun_at in (0, third, 2 * third):  # three stretches of consecutive steps
         programs = {peer: looking_ahead(model, HORIZON, peer) for peer in PEERS}
@@ -86,11 +86,11 @@ def step_race(one: Trajectory, *, steps: int) -> list[Row]:
     note = f"{prefix}goal {STEP_GOAL:g} ms; in the whole trajectory {whole:.3f} ms, 99 % within {1e3 * worst:.3f} ms"
     over = f", {np.count_nonzero(one.run.seconds > PERIOD)} of {len(one.run.seconds)} over 1 ms"
     rows = [_row(place, "ours", mine, note + over)]
-    return rows + [_row(place, f"CasADi + {peer}", *each.told(mine)) for peer, each in theirs.items()]
+    return rows + [_row(place, f"CasADi + {peer}", *each.summary(mine)) for peer, each in theirs.items()]
 
 
 @dataclass(kw_only=True)
-class Beside:
+class PeerSteps:
     """What a peer's steps take [s], how far our times to go are above its at most, and how many steps it failed."""
 
     seconds: list[float] = field(default_factory=list)
@@ -103,7 +103,7 @@ class Beside:
         self.failed += above is None
         self.above = self.above if above is None else max(self.above, above)
 
-    def told(self, ours: float) -> tuple[float, str]:
+    def summary(self, ours: float) -> tuple[float, str]:
         """Return the median milliseconds, and a note."""
         median = 1e3 * float(np.median(self.seconds))
         prefix = "LOSS: " if median < ours else ""

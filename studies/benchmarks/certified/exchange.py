@@ -93,7 +93,9 @@ def exchange_rows(subject: Subject) -> list[Row]:
 
 def pairs(subject: Subject) -> Iterator[tuple[int, int, int]]:
     """Return (point, i, j) where both objectives count, i no more than j: its ceiling moves far for little of j."""
-    for point, (weights, status) in enumerate(zip(subject.said.weights, subject.said.status, strict=True)):
+    for point, (weights, status) in enumerate(
+        zip(subject.certificates.weights, subject.certificates.status, strict=True)
+    ):
         for i, j in permutations(range(len(weights)), 2):
             if status == "minimum" and WEIGHTY < weights[i] <= weights[j]:
                 yield point, i, j
@@ -105,7 +107,7 @@ def compare_rate(subject: Subject, point: int, i: int, j: int) -> RateComparison
     Further objectives stay below the point's own values. One of no great weight would be held from one side only: it is
     added to f_j instead, with its own weight, which leaves the rate as it is.
     """
-    weights, count, total = subject.said.weights[point], len(subject.ranges), len(subject.program.totals)
+    weights, count, total = subject.certificates.weights[point], len(subject.ranges), len(subject.program.totals)
     added = (weights <= WEIGHTY) | (np.arange(count) == j)
     factors, caps = np.zeros((1, total)), np.full((3, total), np.inf)
     factors[0, :count] = np.where(added, weights / weights[j], 0.0)
@@ -124,8 +126,8 @@ def compare_rate(subject: Subject, point: int, i: int, j: int) -> RateComparison
         point=point,
         i=i,
         j=j,
-        rate=float(subject.said.exchange_rates[point, i, j]),
-        interval=subject.said.exchange_intervals[point, i, j],
+        rate=float(subject.certificates.exchange_rates[point, i, j]),
+        interval=subject.certificates.exchange_intervals[point, i, j],
         backward=quotient(low, middle),
         forward=quotient(middle, high),
         central=quotient(low, high),

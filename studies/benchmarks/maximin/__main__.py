@@ -29,9 +29,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from studies.benchmarks.maximin.cases import BIOBJECTIVE, COCO, Case, cases
+from studies.benchmarks.maximin.interleaved_runs import run_all
 from studies.benchmarks.maximin.judging import comparison_rows, cost_rows, goal_rows, judge
 from studies.benchmarks.maximin.methods import CROWDING, HYPERVOLUME, LEFT_OUT
-from studies.benchmarks.maximin.running import run_all
 from studies.reporting import report, study_parser
 
 QUICK = {"ZDT1": 50, "ZDT5": 50, "DTLZ2-3": 40, "MW3": 50, "steep tail": 50}

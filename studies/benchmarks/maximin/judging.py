@@ -11,9 +11,9 @@ import numpy as np
 
 from paretoik.arrays import Objectives
 from studies.benchmarks.maximin.cases import Case
+from studies.benchmarks.maximin.interleaved_runs import Runs, evaluations
 from studies.benchmarks.maximin.methods import BOXED, CROWDING, HYPERVOLUME, ONE_LINE, OURS, methods_of
-from studies.benchmarks.maximin.run import Run
-from studies.benchmarks.maximin.running import Runs, evaluations
+from studies.benchmarks.maximin.single_run import Run
 from studies.benchmarks.significance import (
     MARGIN,
     Comparison,
