@@ -11,6 +11,7 @@ import json
 import math
 import shlex
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path, PurePath
 from typing import Any
 
@@ -60,7 +61,16 @@ STOPPED = ("time limit", "SIGINT", "SIGTERM", "interrupted")  # statuses of runs
 PAGES = (REPORT, PICTURE, CERTIFICATES, DRAWING)  # to be looked at; a run lives without
 PAGE_MARK = b'<meta name="generator" content="paretoik">'
 PICTURE_MARK = b"Software\0paretoik"  # a text chunk of PNG
-MARK_WITHIN = 4096  # bytes of the beginning of a page or a picture of ours
+
+
+@dataclass(frozen=True, kw_only=True)
+class MarkOptions:
+    """Where the mark of a page or a picture of ours is looked for: metadata come first in HTML and in PNG."""
+
+    beginning: int = 4096  # bytes
+
+
+OPTIONS = MarkOptions()
 
 
 def check_target(
@@ -92,7 +102,7 @@ def _has_mark(file: Path, mark: bytes) -> bool:
     if file.is_symlink() or not file.is_file():
         return False
     with file.open("rb") as content:
-        return mark in content.read(MARK_WITHIN)
+        return mark in content.read(OPTIONS.beginning)
 
 
 def run_bytes(entries: Mapping[str, Any]) -> bytes:
@@ -185,8 +195,8 @@ def _entries(file: Path) -> dict[str, Any] | None:
 
 def digest(run: Mapping[str, Any]) -> str:
     """Return the SHA-256 digest of a run's entries, the one named "digest" left out."""
-    rest = {name: value for name, value in run.items() if name != "digest"}
-    return hashlib.sha256(json.dumps(rest, sort_keys=True).encode()).hexdigest()
+    entries = {name: value for name, value in run.items() if name != "digest"}
+    return hashlib.sha256(json.dumps(entries, sort_keys=True).encode()).hexdigest()
 
 
 def to_json(value: Any, *, name: str = "run") -> Any:

@@ -26,8 +26,8 @@ def straight(samples: int = 101, *, length: float | None = None) -> Path:
 
     The text says 0.40 m.
     """
-    way = np.subtract(END, START)
-    end = END if length is None else START + length * way / np.linalg.norm(way)
+    displacement = np.subtract(END, START)
+    end = END if length is None else START + length * displacement / np.linalg.norm(displacement)
     return line(START, end, duration=1.0, samples=samples)
 
 

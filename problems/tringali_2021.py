@@ -29,8 +29,8 @@ def begin() -> np.ndarray:
 
 def straight(length: float, *, mirrored: bool = False, samples: int = SAMPLES) -> Path:
     """Return a rectilinear trajectory of so many metres."""
-    way = DIRECTION * MIRROR if mirrored else DIRECTION
-    return line(begin(), begin() + length * way, duration=DURATION, samples=samples)
+    direction = DIRECTION * MIRROR if mirrored else DIRECTION
+    return line(begin(), begin() + length * direction, duration=DURATION, samples=samples)
 
 
 def round_trip(samples: int = SAMPLES, *, turns: int = 1) -> Path:

@@ -42,8 +42,8 @@ def simulation(duration: float = 0.3) -> Path:
 
 def experiment(duration: float = 1.855) -> Path:
     """Return the path of section 3.2, there in so many seconds and back in as many."""
-    way = np.linspace(0.0, 1.0, round(duration / STEP) + 1)
-    return _path("experiment", np.concatenate([way, way[-2::-1]]))
+    fractions = np.linspace(0.0, 1.0, round(duration / STEP) + 1)
+    return _path("experiment", np.concatenate([fractions, fractions[-2::-1]]))
 
 
 def weighted_gains(judged_starts: int = 5) -> Tuning:
@@ -84,8 +84,8 @@ def modified_trapezoid(u: np.ndarray) -> np.ndarray:
     folded = np.minimum(fine, 1.0 - fine)
     rising = np.where(folded < 0.125, np.sin(4 * np.pi * folded), np.cos(4 * np.pi * np.maximum(folded - 0.375, 0.0)))
     acceleration = np.where(fine < 0.5, rising, -rising)
-    way = cumulative_simpson(cumulative_simpson(acceleration, x=fine, initial=0), x=fine, initial=0)
-    return np.asarray(np.interp(u, fine, way / way[-1]))
+    travel = cumulative_simpson(cumulative_simpson(acceleration, x=fine, initial=0), x=fine, initial=0)
+    return np.asarray(np.interp(u, fine, travel / travel[-1]))
 
 
 def _path(name: str, u: np.ndarray) -> Path:

@@ -8,9 +8,9 @@ import numpy as np
 
 from paretoik.api.run_session import RunSession
 from paretoik.arrays import Objectives
+from paretoik.front import indicators
 from paretoik.front.front import Front
 from paretoik.front.hypervolume_curve import HypervolumeCurve
-from paretoik.front.indicators import RELATIVE_ROUNDING, ranges_of
 from paretoik.front.marked_rows import marked_rows
 from paretoik.review.recording.recorded_end import front_point
 from paretoik.review.recording.recorded_point import RecordedPoint
@@ -62,7 +62,8 @@ def _marked(front: Front) -> tuple[RecordedPoint, ...]:
 def improved_points(before: Front, after: Front) -> int:
     """Return how many points of a front are better in some objective than they were, by more than rounding."""
     gain = before.minimised[_rows_before(before, after)] - after.minimised
-    return int((gain > RELATIVE_ROUNDING * ranges_of(before.minimised)).any(axis=1).sum()) if len(after) else 0
+    rounding = indicators.OPTIONS.rounding * indicators.ranges_of(before.minimised)
+    return int((gain > rounding).any(axis=1).sum()) if len(after) else 0
 
 
 def _rows_before(before: Front, after: Front) -> np.ndarray:

@@ -68,13 +68,13 @@ def _sine_cosine(x):
     k = (x * QUARTERS + ROUNDING) - ROUNDING
     near = x - k * QUARTER
     a = near - k * QUARTER_REST
-    rest = (near - a) - k * QUARTER_REST  # a + rest is the reduced angle to twice the digits
+    tail = (near - a) - k * QUARTER_REST  # a + tail is the reduced angle to twice the digits
     z = a * a
     v = z * a
-    sine = a - ((z * (0.5 * rest - v * (S2 + z * (S3 + z * (S4 + z * (S5 + z * S6))))) - rest) - v * S1)
+    sine = a - ((z * (0.5 * tail - v * (S2 + z * (S3 + z * (S4 + z * (S5 + z * S6))))) - tail) - v * S1)
     half = 0.5 * z
     w = 1.0 - half
-    cosine = w + (((1.0 - w) - half) + (z * (z * (C1 + z * (C2 + z * (C3 + z * (C4 + z * (C5 + z * C6)))))) - a * rest))
+    cosine = w + (((1.0 - w) - half) + (z * (z * (C1 + z * (C2 + z * (C3 + z * (C4 + z * (C5 + z * C6)))))) - a * tail))
     quarter = k - 4.0 * np.floor(0.25 * k)
     odd = (quarter == 1.0) | (quarter == 3.0)
     first, second = (cosine, sine) if odd else (sine, cosine)

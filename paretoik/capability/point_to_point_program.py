@@ -136,10 +136,10 @@ class PointToPointProgram:
         """Return the lanes of functions of rates up to an order at samples: what those before them are counts too."""
         window = np.maximum(np.array(samples)[:, None] - np.arange(orders + 1), 0)
         weights = self.spline[window]  # (lanes, window, coefficients)
-        used = np.any(weights > 0, axis=1)
-        first, last = used.argmax(axis=1), used.shape[1] - used[:, ::-1].argmax(axis=1)
+        nonzero = np.any(weights > 0, axis=1)
+        first, last = nonzero.argmax(axis=1), nonzero.shape[1] - nonzero[:, ::-1].argmax(axis=1)
         reach, dof = int((last - first).max()), self.arm.dof
-        near = np.minimum(first, used.shape[1] - reach)[:, None] + np.arange(reach)
+        near = np.minimum(first, nonzero.shape[1] - reach)[:, None] + np.arange(reach)
         weights = np.take_along_axis(weights, near[:, None], axis=2)
         count = max(orders, 1)
         intervals = (window[:, :1] - 1 - np.arange(count)) % (len(self.spline) - 1)  # of those there are not, any other

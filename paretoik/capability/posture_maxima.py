@@ -98,8 +98,8 @@ def fastest_joint_speeds(
     size = np.linalg.norm(nearest, axis=1)[:, None] * np.linalg.norm(columns, axis=1)
     between = np.abs(shares) <= OPTIONS.orthogonal * size
     ends = np.where(between, 0.0, np.where(shares > 0, high, low))
-    rest = vertices - np.einsum("baj,bj->ba", columns, ends)
-    dq = ends + np.einsum("bja,ba->bj", np.linalg.pinv(columns * between[:, None]), rest)
+    remainder = vertices - np.einsum("baj,bj->ba", columns, ends)
+    dq = ends + np.einsum("bja,ba->bj", np.linalg.pinv(columns * between[:, None]), remainder)
     tolerance = OPTIONS.orthogonal * (high - low)
     missed = np.abs(np.einsum("baj,bj->ba", columns, dq) - vertices).max(axis=1)
     wrong = ((dq < low - tolerance) | (dq > high + tolerance)).any(axis=1)

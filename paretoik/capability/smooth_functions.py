@@ -103,8 +103,8 @@ class SmoothTerm:
         scaled = [variable * float(unit) for variable, unit in zip(variables, self.units, strict=True)]
         stand_ins = [*inputs, *parameters, *scaled]
         target = next(value.tape for value in stand_ins if isinstance(value, Expression))
-        own = [*tape.inputs[: self.inputs + self.parameters.shape[1]], *smooth.epigraph_variables]
-        places = {place: as_entry(target, value) for place, value in zip(own, stand_ins, strict=True)}
+        originals = [*tape.inputs[: self.inputs + self.parameters.shape[1]], *smooth.epigraph_variables]
+        places = {place: as_entry(target, value) for place, value in zip(originals, stand_ins, strict=True)}
         copies = copy_entries(tape, [*smooth.functions, *smooth.constraints], target, places)
         entries = [Expression(target, entry) for entry in copies]
         count, ranges = len(smooth.functions), np.repeat(self.units, 2).tolist()

@@ -119,13 +119,13 @@ class TermRows:
                 parts.append(_bounded_sum(tops, term.term.upper))
         return tuple(parts)
 
-    def _part(self, term: SmoothTerm, lanes: Lanes, own: np.ndarray, numbers: np.ndarray) -> Part:
-        """Return the rows of a term in lanes, of its ``own`` unknowns.
+    def _part(self, term: SmoothTerm, lanes: Lanes, unknowns: np.ndarray, numbers: np.ndarray) -> Part:
+        """Return the rows of a term in lanes, of its own ``unknowns``.
 
         These are epigraph variables, then the mean interval and a top where it has them.
         """
         size, width, end = lanes.where.shape[1], lanes.parameters.shape[1], lanes.where.shape[1] + len(term.units)
-        has_top = own.shape[1] > len(term.units) + term.reads_duration
+        has_top = unknowns.shape[1] > len(term.units) + term.reads_duration
 
         def rows(z: list[Any], p: list[Any]) -> tuple[list[Any], list[Any]]:
             inputs, interval = lanes.inputs(z[:size], p[:width])
@@ -136,7 +136,7 @@ class TermRows:
             top, weight = z[-1] if has_top else term.term.upper, interval if term.is_sum else 1.0
             return [], [*(top - weight * value for value in values), *(share * tie for tie in ties)]
 
-        where = np.concatenate([lanes.where, own], axis=1)
+        where = np.concatenate([lanes.where, unknowns], axis=1)
         parameters = np.concatenate([lanes.parameters, numbers], axis=1)
         return Part(program=trace_rows(where.shape[1], parameters.shape[1], rows), where=where, parameters=parameters)
 

@@ -111,12 +111,12 @@ def _reference(
     plans: list[Plan] = []
     seconds: list[float] = []
     while np.any(points[-1] != target):
-        rest = target - points[-1]
-        if np.linalg.norm(evaluate_roots(model, points[-1])[0] @ rest) <= period:
+        remaining = target - points[-1]
+        if np.linalg.norm(evaluate_roots(model, points[-1])[0] @ remaining) <= period:
             points.append(target)
             break
         if len(points) * period > latest:
-            away = np.linalg.norm(rest)
+            away = np.linalg.norm(remaining)
             raise SolverFailed(f"reference: on the target within {latest:.4g} s wanted, it is {away:.4g} m away")
         began = perf_counter()
         guess = planner.shift(plans[-1], points[-1], period) if plans else planner.initial_points(start, target)

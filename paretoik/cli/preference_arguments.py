@@ -15,7 +15,7 @@ from paretoik.front.preferences import Aspiration, Bounds, Classify, Knee, Lexic
 from paretoik.front.preferences.point import Point
 
 CLASSES = "improve, improve:VALUE, keep, relax:VALUE or free"
-BELONGS_TO = {"uncertainty": "robust", "from": "classify"}
+PREFERENCE_OF_OPTION = {"uncertainty": "robust", "from": "classify"}
 
 
 def read_preference(wishes: Mapping[str, Any], *, run: Path) -> Preference:
@@ -35,9 +35,9 @@ def read_preference(wishes: Mapping[str, Any], *, run: Path) -> Preference:
         "classify": lambda text: parse_classes(text, wishes.get("from"), run),
         "point": Point,
     }
-    for name, owner in BELONGS_TO.items():
-        if name in wishes and owner not in wishes:
-            raise InvalidInput(f"{name}: wanted it beside --{owner} alone, got no --{owner}")
+    for name, preference_name in PREFERENCE_OF_OPTION.items():
+        if name in wishes and preference_name not in wishes:
+            raise InvalidInput(f"{name}: wanted it beside --{preference_name} alone, got no --{preference_name}")
     chosen, bounds = [name for name in options if name in wishes], wishes.get("bounds")
     if len(chosen) > 1 or not (chosen or bounds):
         names = ", ".join(f"--{name}" for name in options)

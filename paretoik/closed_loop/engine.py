@@ -21,11 +21,11 @@ from paretoik.search.compiled.two_objectives import insertion_distances, keep_fa
 
 
 @compiled(what="the search of a control step", seconds=15)
-def search(seed, step, generations, options, start, objectives, constraints, workspace, warm_start, kept):
+def search(seed, step, generations, options, start, objectives, constraints, workspace, warm_start, history):
     """Search one step; return how many of the last population in the workspace have not failed.
 
     The arguments are those of ``workspace.py``. A ``warm_start`` begins with the population in the workspace. As many
-    generations are ``kept`` as there is room for.
+    generations as there is room for stand in the ``history``.
     """
     options, start, objectives = refer(options), refer(start), refer(objectives)
     constraints, w = refer(constraints), refer(workspace)
@@ -43,8 +43,8 @@ def search(seed, step, generations, options, start, objectives, constraints, wor
         replaces = generation == 0 or not constraints.swept
         evaluate(start, options, objectives, constraints, clearance, count, w, replaces, single_rank)
         single_rank = survive(w, count, single_rank)
-        if generation < kept.F.shape[0]:
-            _keep(w, kept.genes[generation], kept.F[generation])
+        if generation < history.F.shape[0]:
+            _keep(w, history.genes[generation], history.F[generation])
     alive = 0
     for k in range(w.order.shape[0]):
         if w.F[0, k] < np.inf:

@@ -111,10 +111,10 @@ def _look(i, weights, enough, best, options, s, place):
     """Try the middle of a cell, and write its bound; return the best value, and whether the cell is to be halved."""
     cell = s.cells[i]
     m = model(cell, s)
-    wanted = best - enough
-    bound = lower_bound(weights[0], weights[1], wanted, m)
+    threshold = best - enough
+    bound = lower_bound(weights[0], weights[1], threshold, m)
     cell[BOUND] = bound
-    if bound >= wanted or not m.size > options.smallest:
+    if bound >= threshold or not m.size > options.smallest:
         return best, False
     possible, interval = may_be_clear(cell, m, options, s)
     if not possible:

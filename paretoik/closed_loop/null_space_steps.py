@@ -177,7 +177,7 @@ def clip(corners, count, a, b, bound, spare):
 
     Rows of corners begin with u and v; what follows is linear in them.
     """
-    left = 0
+    remaining = 0
     for i in range(count):
         spare[i] = corners[i]
     for i in range(count):
@@ -185,11 +185,11 @@ def clip(corners, count, a, b, bound, spare):
         here = a * spare[i, 0] + b * spare[i, 1] - bound
         there = a * spare[j, 0] + b * spare[j, 1] - bound
         if here <= 0.0:
-            corners[left] = spare[i]
-            left += 1
+            corners[remaining] = spare[i]
+            remaining += 1
         if (here < 0.0 < there or there < 0.0 < here) and not (count == 2 and i == 1):
             share = here / (here - there)
             for m in range(corners.shape[1]):
-                corners[left, m] = spare[i, m] + share * (spare[j, m] - spare[i, m])
-            left += 1
-    return left
+                corners[remaining, m] = spare[i, m] + share * (spare[j, m] - spare[i, m])
+            remaining += 1
+    return remaining

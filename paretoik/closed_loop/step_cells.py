@@ -85,24 +85,24 @@ def lower_bound(square_weight, error_weight, enough, m):
     a = (square_weight * m.squares[0], square_weight * m.squares[1], square_weight * m.squares[2])
     x = (error_weight * m.x[0], error_weight * m.x[1], error_weight * m.x[2])
     y = (error_weight * m.y[0], error_weight * m.y[1], error_weight * m.y[2])
-    lost = error_weight * m.remainder
-    best = max(min(a) - lost, 0.0)
+    error = error_weight * m.remainder
+    best = max(min(a) - error, 0.0)
     middle_x, middle_y = x[0] + x[1] + x[2], y[0] + y[1] + y[2]
-    best = max(best, _along(middle_x, middle_y, a, x, y) - lost)
+    best = max(best, _along(middle_x, middle_y, a, x, y) - error)
     for i in range(3):
         if best >= enough:
             return max(best, min(a))
-        best = max(best, _along(x[i], y[i], a, x, y) - lost)
+        best = max(best, _along(x[i], y[i], a, x, y) - error)
     for i in range(3):
         j = (i + 1) % 3
-        best = max(best, _between(i, j, a, x, y) - lost)
+        best = max(best, _between(i, j, a, x, y) - error)
     px, py, qx, qy = x[0] - x[1], y[0] - y[1], x[0] - x[2], y[0] - y[2]
     determinant = px * qy - py * qx
     if determinant != 0.0:
         b, c = a[1] - a[0], a[2] - a[0]
         ux, uy = (b * qy - c * py) / determinant, (c * px - b * qx) / determinant
         if ux * ux + uy * uy <= 1.0:
-            best = max(best, _least(ux, uy, a, x, y) - lost)
+            best = max(best, _least(ux, uy, a, x, y) - error)
     return max(best, min(a))
 
 

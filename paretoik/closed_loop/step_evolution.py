@@ -77,25 +77,25 @@ class StepEvolution:
 
         Raises Infeasible as ``start_and_constraints`` does.
         """
-        return self._search(step, kept=0)[0]
+        return self._search(step, recorded=0)[0]
 
     def with_generations(self, step: ControlStep) -> tuple[Population, Generations]:
         """Search a step and return the population with all generations that led to it; raises as a call does."""
-        population, kept, start = self._search(step, kept=self.generations + 1)
-        F = np.where(np.isfinite(kept.F).all(axis=2, keepdims=True), kept.F, np.nan)
+        population, history, start = self._search(step, recorded=self.generations + 1)
+        F = np.where(np.isfinite(history.F).all(axis=2, keepdims=True), history.F, np.nan)
         alive = np.isfinite(F).all(axis=2)
         q = np.full((*alive.shape, self.dof), np.nan)
-        q[alive] = _decode(kept.genes[alive], start)
+        q[alive] = _decode(history.genes[alive], start)
         return population, Generations(F=F[:, :, : self.objectives], q=q)
 
-    def _search(self, step: ControlStep, *, kept: int) -> tuple[Population, KeptGenerations, StepStart]:
+    def _search(self, step: ControlStep, *, recorded: int) -> tuple[Population, KeptGenerations, StepStart]:
         start, constraints = self.start_and_constraints(step)
         w = self.workspace
         before = w.genes[w.order] if self.warm_start and self._has_searched else None
         numbers = self.seed, step.sample, self.generations, len(w.genes), self.options
         inputs = step.history, step.home, step.target, step.lower, step.upper, step.swept, step.standoff
-        key = key_of("step", *numbers, *inputs, before, kept) if is_journalled() else None
-        values = remembered(key, lambda: self._search_anew(step, start, constraints, before is not None, kept))
+        key = key_of("step", *numbers, *inputs, before, recorded) if is_journalled() else None
+        values = remembered(key, lambda: self._search_anew(step, start, constraints, before is not None, recorded))
         w.genes[:], w.order[:] = values["genes"], np.arange(len(w.order))  # what the next step may begin with
         self._has_searched = True
         F = values["F"]
@@ -104,15 +104,15 @@ class StepEvolution:
         return Population(genes=genes, F=F, q=_decode(genes, start)), history, start
 
     def _search_anew(
-        self, step: ControlStep, start: StepStart, constraints: StepConstraints, warm_start: bool, kept: int
+        self, step: ControlStep, start: StepStart, constraints: StepConstraints, warm_start: bool, recorded: int
     ) -> dict[str, np.ndarray]:
-        """Return all genes, those that did not fail first, the objectives of these, and the generations kept."""
+        """Return all genes, those that did not fail first, the objectives of these, and the generations recorded."""
         from paretoik.closed_loop.engine import search  # here: numba takes its time
 
         n, w = self.dof, self.workspace
         rows = np.concatenate([step.home, step.target, self.programs.constants])
         w.inputs[ORDERS * n : ORDERS * n + len(rows)] = rows[:, None]
-        history = KeptGenerations(np.empty((kept, *w.genes.shape)), np.empty((kept, len(w.genes), len(w.F))))
+        history = KeptGenerations(np.empty((recorded, *w.genes.shape)), np.empty((recorded, len(w.genes), len(w.F))))
         numbers = self.seed, step.sample, self.generations, self.options
         alive = search(*numbers, start, self._objectives, constraints, w, warm_start, history)
         F = w.F[: self.objectives, :alive].T.copy()

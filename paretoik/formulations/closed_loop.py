@@ -107,7 +107,7 @@ class ClosedLoop:
         self.names = tuple(each.name for each in self.objectives)
         self.signs = np.array([each.sign for each in self.objectives])
         self.n_obj = len(self.objectives)
-        check_limits(limits, kept=("position", "velocity", "clearance"), where="in a closed loop")
+        check_limits(limits, supported=("position", "velocity", "clearance"), where="in a closed loop")
         self.task = motion_task(
             arm,
             path,

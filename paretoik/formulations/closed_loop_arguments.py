@@ -47,14 +47,14 @@ def normalise_weights(
     return np.asarray(values / values.sum())
 
 
-def check_limits(limits: Limits | None, *, kept: tuple[str, ...], where: str) -> None:
-    """Raise InvalidInput for limits of other kinds than are ``kept`` there."""
+def check_limits(limits: Limits | None, *, supported: tuple[str, ...], where: str) -> None:
+    """Raise InvalidInput for limits of other kinds than are ``supported`` there."""
     if not isinstance(limits, Limits | None):
         raise InvalidInput(f"limits: Limits wanted, got {limits!r}")
     for kind in LIMITED if limits is not None else ():
         limit = getattr(limits, kind)
-        if kind not in kept and limit is not None and not (isinstance(limit, float) and limit == np.inf):
-            raise InvalidInput(f"limits: of {', '.join(kept[:-1])} and {kept[-1]} wanted {where}, got {kind}")
+        if kind not in supported and limit is not None and not (isinstance(limit, float) and limit == np.inf):
+            raise InvalidInput(f"limits: of {', '.join(supported[:-1])} and {supported[-1]} wanted {where}, got {kind}")
 
 
 def check_even(times: Times) -> None:

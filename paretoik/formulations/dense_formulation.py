@@ -46,8 +46,8 @@ class DenseFormulation(Problem):  # type: ignore[misc]  # pymoo is not typed
         Raises InvalidInput for a name that is taken.
         """
         taken = (*self.names, *self.constraint_names)
-        own = [*(each.name for each in task.objectives), *task.limit_names]
-        for name in (name for name in own if name in taken):
+        added = [*(each.name for each in task.objectives), *task.limit_names]
+        for name in (name for name in added if name in taken):
             raise InvalidInput(f"{name}: a name other than {', '.join(taken)} wanted")
         self.functions = task
         self.names += tuple(each.name for each in task.objectives)

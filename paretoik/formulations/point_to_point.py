@@ -195,8 +195,8 @@ class PointToPoint(DenseFormulation):
         q, front, _ = self.profiles(genes)
         timing = minimum_timing(self.arm, self.actuation, paths.spline @ q, paths.spline @ front)
         intervals = self._intervals(genes, timing)
-        own = self._whole_program.own.values(self._motions(paths.spline @ q, intervals))
-        return np.concatenate([self._unscaled.unknowns(q, front, intervals, timing.work), own], axis=1)
+        extra = self._whole_program.own.values(self._motions(paths.spline @ q, intervals))
+        return np.concatenate([self._unscaled.unknowns(q, front, intervals, timing.work), extra], axis=1)
 
     def genes(self, x: Float[np.ndarray, "points unknowns"]) -> Genes:
         """Return the genes of unknowns, or the nearest within their bounds."""
@@ -221,8 +221,8 @@ class PointToPoint(DenseFormulation):
         intervals = self._intervals(genes, self.timing(genes))
         retimed = minimum_timing(self.arm, self.actuation, spline @ q, spline @ front)
         finer = self._motions(spline @ q, np.repeat(intervals / times, times, axis=1))
-        own = self.functions.violations(finer).max(axis=1, initial=0.0)
-        return np.maximum(np.maximum(retimed.lateness(intervals), retimed.overload), own)
+        excess = self.functions.violations(finer).max(axis=1, initial=0.0)
+        return np.maximum(np.maximum(retimed.lateness(intervals), retimed.overload), excess)
 
     def sample_starts(self, count: int, rng: np.random.Generator) -> Genes:
         """Return genes of the bases, as they are and at a small distance."""

@@ -71,7 +71,7 @@ class Posture(Problem):  # type: ignore[misc]  # pymoo is not typed
         obstacles: Sequence[Obstacle] = (),
         link_radius: float = 0.0,
     ) -> None:
-        check_limits(limits, kept=("position", "torque", "clearance"), where="of a posture")
+        check_limits(limits, supported=("position", "torque", "clearance"), where="of a posture")
         checked = motion_task(
             arm,
             path,

@@ -224,8 +224,8 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
         natural = self.program()
         if self.task.differences != "spline" or not len(x):
             return x, [natural] * len(x)
-        held = hold_all(self.program(ranges), x, len(self.names), solver, observe)
-        return np.stack([each.x for each in held]), [each.program(natural) for each in held]
+        motions = hold_all(self.program(ranges), x, len(self.names), solver, observe)
+        return np.stack([each.x for each in motions]), [each.program(natural) for each in motions]
 
     def values_between(self, front: Front, shares: Values) -> Float[np.ndarray, "gaps shares n_obj"]:
         """Return the objectives, minimised, of motions between neighbours of a front; inf where none is possible."""

@@ -24,7 +24,15 @@ from paretoik.run_files import CHOICES, RUN, check_digest, read_run, run_bytes, 
 if TYPE_CHECKING:  # a front keeps its choices here
     from paretoik.front.front import Front
 
-LONGEST_TEXT = 300  # characters of a preference's text; a user's own may have any
+
+@dataclass(frozen=True, kw_only=True)
+class ChoiceOptions:
+    """How much of a choice is kept: so many characters of a preference's ``text``, as a user's own may have any."""
+
+    text: int = 300
+
+
+OPTIONS = ChoiceOptions()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,7 +166,7 @@ def chosen(front: Front) -> Choice | None:
 def preference_data(preference: Preference) -> dict[str, Any]:
     """Return a preference as data: its type, its text, and of those of this project the parameters by name."""
     kind = type(preference)
-    data = {"type": kind.__name__, "text": repr(preference)[:LONGEST_TEXT]}
+    data = {"type": kind.__name__, "text": repr(preference)[: OPTIONS.text]}
     if not kind.__module__.startswith("paretoik."):
         return data
     values = {name: getattr(preference, name) for name in getattr(kind, "__dataclass_fields__", ())}

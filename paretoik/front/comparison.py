@@ -17,7 +17,19 @@ from paretoik.front.provenance import differences as differing_entries
 
 Pairs = Float[np.ndarray, "fronts fronts"]
 ATTAINABLE = (2, 3)  # numbers of objectives that surfaces are computed of
-REFERENCE = 1.1  # of the ranges: ends count, and no front's own worst point sets the scale (Ishibuchi et al. 2018)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ComparisonOptions:
+    """Hypervolumes are measured up to ``reference`` in every share of the ranges.
+
+    Beyond 1, so that ends count, and no front's own worst point sets the scale (Ishibuchi et al. 2018).
+    """
+
+    reference: float = 1.1
+
+
+OPTIONS = ComparisonOptions()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -76,7 +88,7 @@ class Comparison:
     @cached_property
     def hypervolume(self) -> Values:
         """Hypervolume of each front (fronts,) up to 1.1 in every share, over that of the merged front."""
-        reference = np.full(len(self.fronts[0].names), REFERENCE)
+        reference = np.full(len(self.fronts[0].names), OPTIONS.reference)
         merged = np.concatenate([shares[rows] for shares, rows in zip(self.shares, self.merged_rows, strict=True)])
         return np.array([hypervolume(shares, reference) for shares in self.shares]) / hypervolume(merged, reference)
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 
 from paretoik.arrays import Genes, Ids, Objectives, Values, read_only
-from paretoik.errors import Infeasible, InvalidInput
+from paretoik.errors import InvalidInput
 from paretoik.front.certificates import Certificates
 from paretoik.front.choice import Choice, Preference
 from paretoik.front.front_arguments import (
@@ -30,6 +30,7 @@ from paretoik.front.gaps import find_jumps, missing_hypervolume
 from paretoik.front.joint_motions import JointMotions
 from paretoik.front.navigation import navigate, navigated, refine_around, verdict_on
 from paretoik.front.reason import explain
+from paretoik.front.selection import select, undo
 from paretoik.front.subset import Bound, has_point, row_of, with_ids, within_bounds
 from paretoik.front.supported import supported
 from paretoik.front.viewing import view
@@ -207,30 +208,8 @@ class Front:
         """
         return within_bounds(self, bounds, named)
 
-    def select(self, preference: Preference | str | Mapping[str, float] | int, *, keep: bool = True) -> Choice:
-        """Return the point that a preference chooses; a closed loop is followed again with it.
-
-        ``preference`` is one of those of ``paretoik`` or your own (``Preference``); "knee" and "compromise" stand for
-        ``Knee()`` and ``Compromise()``, numbers by objective for ``Weights``, an integer for the point with that id.
-        A front with a run ``folder`` keeps the choice there, in choices.json (``choices``), unless ``keep`` is False or
-        it is the motion of a closed loop that was followed anew.
-
-        Raises Infeasible where the front is empty or no point suits, and InvalidInput for other preferences.
-        """
-        from paretoik.front.choices import keep_choice
-        from paretoik.front.preferences.requests import as_preference, ask
-
-        check_flag("keep", keep)
-        if len(self) == 0:
-            raise Infeasible("select: wanted a front of at least one point, got none: no point was feasible")
-        wish = as_preference(preference)
-        select: Callable[[Front, Preference], Choice] | None = getattr(self.problem, "select", None)
-        choice = ask(wish, self) if select is None else select(self, wish)
-        is_known = np.array_equal(choice.objectives, self.objectives[choice.index])  # no loop that was followed anew
-        if keep and is_known and self.folder is not None:
-            keep_choice(self, choice, wish)
-        return choice
-
+    select = select
+    undo = undo
     navigate = navigate
     refine_around = refine_around
     navigated = property(navigated)
@@ -245,19 +224,6 @@ class Front:
         from paretoik.front.choices import Choices, read_choices
 
         return Choices() if self.folder is None else read_choices(self.folder)
-
-    def undo(self) -> Choice | None:
-        """Go back to the choice before the present one in the run folder, and return it; None where it was the first.
-
-        Nothing is deleted: the next choice becomes another branch of the tree. Raises InvalidInput where there is no
-        choice to go back from, or this is a part of the run's front without the point of the one before.
-        """
-        from paretoik.front.choices import chosen, go_back
-
-        if self.folder is None:
-            raise InvalidInput("undo: wants a front that was loaded from a run folder or saved into one")
-        go_back(self.folder, front=self)
-        return chosen(self)
 
     def choice(
         self,

@@ -13,21 +13,21 @@ import numpy as np
 from paretoik.arrays import Mask, Objectives, Values
 from paretoik.errors import InvalidInput
 
-RELATIVE_ROUNDING = 1e-9  # of an objective's size: a range below it is rounding
-
 
 @dataclass(frozen=True, kw_only=True)
-class EstimateOptions:
+class IndicatorOptions:
     """Hypervolumes are exact up to so many objectives, of more from so many ``directions``.
 
-    Of 1,000 points exact ones take 0.5 s in five objectives and more than 20 s in seven, estimates milliseconds.
+    Of 1,000 points exact ones take 0.5 s in five objectives and more than 20 s in seven, estimates milliseconds. A
+    range below ``rounding``, a share of an objective's size, is what solvers leave open, and none.
     """
 
     exact_up_to: int = 4
     directions: int = 2048
+    rounding: float = 1e-9
 
 
-OPTIONS = EstimateOptions()
+OPTIONS = IndicatorOptions()
 
 
 def hypervolume(F: Objectives, reference: Values | Sequence[float], *, check: bool = False) -> float:
@@ -75,7 +75,7 @@ def ranges_of(values: Objectives, sizes: Values | None = None) -> Values:
     """
     width = np.ptp(values, axis=0)
     sizes = np.abs(values).max(axis=0) if sizes is None else sizes
-    return np.where(width > RELATIVE_ROUNDING * sizes, width, np.where(sizes > 0, sizes, 1.0))
+    return np.where(width > OPTIONS.rounding * sizes, width, np.where(sizes > 0, sizes, 1.0))
 
 
 def non_dominated(F: Objectives, tolerance: float = 0.0) -> Mask:

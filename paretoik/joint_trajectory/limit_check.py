@@ -153,8 +153,8 @@ def _limited_series(trajectory: JointTrajectory, controller: Controller, arm: Ar
         torque = dynamics.inverse_dynamics(arm, q, trajectory.dq, trajectory.ddq)
         yield _symmetric("torque", torque, controller.torque)
         still = np.zeros((2, arm.dof))
-        held = dynamics.inverse_dynamics(arm, q[[0, -1]], still, still)
-        steps = np.diff(np.concatenate([held[:1], torque, held[1:]]), axis=0)
+        static_torque = dynamics.inverse_dynamics(arm, q[[0, -1]], still, still)
+        steps = np.diff(np.concatenate([static_torque[:1], torque, static_torque[1:]]), axis=0)
         yield _symmetric("torque rate", steps * rate, controller.torque_rate)
 
 

@@ -119,5 +119,5 @@ def _nanoseconds(trajectory: JointTrajectory) -> list[int]:
 
 
 def _duration(nanoseconds: int) -> dict[str, int]:
-    seconds, rest = divmod(nanoseconds, 10**9)
-    return {"sec": seconds, "nanosec": rest}
+    seconds, remainder = divmod(nanoseconds, 10**9)
+    return {"sec": seconds, "nanosec": remainder}

@@ -51,9 +51,9 @@ class TimeScaling:
         u = np.minimum(np.arange(math.ceil(periods) + 1) / periods, 1.0) * total
         if self.ramp == 0:
             return np.stack([u, np.full_like(u, 1 / self.factor), np.zeros_like(u)])
-        left = np.minimum(u, total - u)  # to the nearer end: the law is symmetric
-        x = np.minimum(left / self.ramp, 1.0)
-        covered = np.where(left < self.ramp, self.ramp * x**4 * (2.5 + x * (x - 3.0)), left - self.ramp / 2)
+        from_end = np.minimum(u, total - u)  # to the nearer end: the law is symmetric
+        x = np.minimum(from_end / self.ramp, 1.0)
+        covered = np.where(from_end < self.ramp, self.ramp * x**4 * (2.5 + x * (x - 3.0)), from_end - self.ramp / 2)
         later = u > total / 2
         sigma = np.where(later, self.duration - covered, covered)
         speed = x**3 * (10.0 + x * (6.0 * x - 15.0))

@@ -53,13 +53,13 @@ class JointTrajectory:
         return replace(self, joint_names=names, q=q, dq=dq, ddq=ddq)
 
 
-def same_joints(joint_names: object, own: Sequence[str]) -> tuple[str, ...]:
-    """Return joint names in their order; raises InvalidInput where they are not those of ``own``, each once."""
+def same_joints(joint_names: object, joints: Sequence[str]) -> tuple[str, ...]:
+    """Return joint names in their order; raises InvalidInput where they are not those of ``joints``, each once."""
     names = check_joint_names("joint_names", joint_names)
-    for listed, others, fact in ((names, own, "which is none of them"), (own, names, "which is missing")):
+    for listed, others, fact in ((names, joints, "which is none of them"), (joints, names, "which is missing")):
         strange = next((joint for joint in listed if joint not in others), None)
         if strange is not None:
-            raise InvalidInput(f"joint_names: {', '.join(own)} in any order wanted, got {strange!r}, {fact}")
+            raise InvalidInput(f"joint_names: {', '.join(joints)} in any order wanted, got {strange!r}, {fact}")
     return names
 
 

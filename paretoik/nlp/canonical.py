@@ -158,26 +158,26 @@ class CanonicalForm:
 
     def rows_in_use(self, rows: int, near: np.ndarray) -> Bool[np.ndarray, " rows"]:
         """Return which rows of A are used where of the first ``rows``, the inequalities, those ``near`` are."""
-        used = np.ones(self.rows, dtype=bool)
-        used[:rows] = False
-        used[near] = True
-        return used
+        mask = np.ones(self.rows, dtype=bool)
+        mask[:rows] = False
+        mask[near] = True
+        return mask
 
     def solve(
         self,
         name: str,
         numbers: Float[np.ndarray, " numbers"],
-        used: Bool[np.ndarray, " rows"],
+        mask: Bool[np.ndarray, " rows"],
         tolerance: float,
         P: sparse.csc_matrix | None = None,
     ) -> tuple[Float[np.ndarray, " variables"], Float[np.ndarray, " used"]]:
-        """Return x and the dual variables for values of the parameters, of the rows ``used`` of A alone.
+        """Return x and the dual variables for values of the parameters, of the rows of A in a ``mask`` alone.
 
-        Rows of cones have to be used; gaps and infeasibilities are within ``tolerance``. Raises SolverFailed, naming
+        Rows of cones have to be in it; gaps and infeasibilities are within ``tolerance``. Raises SolverFailed, naming
         the program, where Clarabel ends without a solution.
         """
         vector = np.append(1.0, numbers)[self._order]
-        A, b = self._cut(self._matrix @ vector, used)
+        A, b = self._cut(self._matrix @ vector, mask)
         linear = len(b) - self._equalities - sum(self._cones)
         cones: list[Any] = [
             *([clarabel.ZeroConeT(self._equalities)] if self._equalities else []),
@@ -193,12 +193,12 @@ class CanonicalForm:
             raise SolverFailed(f"{name}: Clarabel wanted to end with Solved, got {solution.status}")
         return np.array(solution.x), np.array(solution.z)
 
-    def _cut(self, entries: np.ndarray, used: np.ndarray) -> tuple[sparse.csc_matrix, np.ndarray]:
-        """Return A and b of the rows ``used``; cvxpy's rows are A x + b."""
-        chosen = used[self._indices]
-        row = (np.cumsum(used) - 1)[self._indices[chosen]]
+    def _cut(self, entries: np.ndarray, mask: np.ndarray) -> tuple[sparse.csc_matrix, np.ndarray]:
+        """Return A and b of the rows in a ``mask``; cvxpy's rows are A x + b."""
+        chosen = mask[self._indices]
+        row = (np.cumsum(mask) - 1)[self._indices[chosen]]
         indptr = np.append(0, np.cumsum(chosen))[self._indptr]
         entries, last = entries[chosen], indptr[-2]
-        b = np.zeros(np.count_nonzero(used))
+        b = np.zeros(np.count_nonzero(mask))
         b[row[last:]] = entries[last:]
         return sparse.csc_matrix((-entries[:last], row[:last], indptr[:-1]), shape=(len(b), self.variables)), b

@@ -169,13 +169,13 @@ def null_space(
     Unknowns in no equality stay by themselves. Raises EvaluationFailed where too few unknowns move the equalities.
     """
     rows, size = jacobian.shape
-    used = jacobian.any(axis=0)
-    count = int(np.count_nonzero(used))
+    nonzero = jacobian.any(axis=0)
+    count = int(np.count_nonzero(nonzero))
     if count < rows:
         raise EvaluationFailed(f"program: {rows} unknowns that move its equalities wanted, got {count}")
-    orthogonal, upper = np.linalg.qr(jacobian[:, used].T, mode="complete")
+    orthogonal, upper = np.linalg.qr(jacobian[:, nonzero].T, mode="complete")
     basis, pseudoinverse = np.zeros((size, size - rows)), np.zeros((size, rows))
-    basis[used, : count - rows] = orthogonal[:, rows:]
-    basis[~used, count - rows :] = np.eye(size - count)
-    pseudoinverse[used] = np.linalg.lstsq(upper[:rows], orthogonal[:, :rows].T, rcond=None)[0].T
+    basis[nonzero, : count - rows] = orthogonal[:, rows:]
+    basis[~nonzero, count - rows :] = np.eye(size - count)
+    pseudoinverse[nonzero] = np.linalg.lstsq(upper[:rows], orthogonal[:, :rows].T, rcond=None)[0].T
     return basis, pseudoinverse

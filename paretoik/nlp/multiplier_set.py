@@ -76,8 +76,8 @@ def _are_unique(
 
     Multiples of rows, added to gradients and to other rows, leave what is across all rows as it is.
     """
-    left = eliminate(np.concatenate([rows, gradients]), unknowns, len(rows))
-    reduced = left.reduced
+    elimination = eliminate(np.concatenate([rows, gradients]), unknowns, len(rows))
+    reduced = elimination.reduced
     across, others = reduced[-len(gradients) :], reduced[: -len(gradients)]
     lengths = np.linalg.norm(others, axis=1)
     others = others[lengths > OPTIONS.singular] / lengths[lengths > OPTIONS.singular, None]

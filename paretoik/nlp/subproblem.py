@@ -64,8 +64,8 @@ def convexify(hessian: sparse.csr_array, unknowns: int, flattening: float) -> sp
     where curvature comes from kinks, and the latter 1.2 times as many on small dense programs.
     """
     dense = hessian.toarray()
-    used = np.flatnonzero(np.any(dense != 0, axis=1) | (np.arange(len(dense)) < unknowns))
-    inner = dense[np.ix_(used, used)]
+    indices = np.flatnonzero(np.any(dense != 0, axis=1) | (np.arange(len(dense)) < unknowns))
+    inner = dense[np.ix_(indices, indices)]
     smallest = flattening * max(float(np.abs(inner).max(initial=0.0)), 1e-12)
     try:
         np.linalg.cholesky(inner + 1e-2 * smallest * np.eye(len(inner)))
@@ -73,7 +73,7 @@ def convexify(hessian: sparse.csr_array, unknowns: int, flattening: float) -> sp
         values, vectors = np.linalg.eigh(inner)
         convex = (vectors * np.maximum(values, smallest)) @ vectors.T
         row, column = np.nonzero(convex)
-        return sparse.csr_array((convex[row, column], (used[row], used[column])), shape=dense.shape)
+        return sparse.csr_array((convex[row, column], (indices[row], indices[column])), shape=dense.shape)
     return hessian
 
 
@@ -102,8 +102,8 @@ class ConvexSubproblem:
         scales[: self._elastic] = 1.0  # their units decide what a violation costs
         numbers = _numbers(gradient, constraints, radius, penalty, scales)
         near = constraints.within_reach(radius, order=1)
-        used = self._form.rows_in_use(self._rows, near)
-        x, dual = self._form.solve("step", numbers, used, CLARABEL_TOLERANCE, self._quadratic(hessian))
+        mask = self._form.rows_in_use(self._rows, near)
+        x, dual = self._form.solve("step", numbers, mask, CLARABEL_TOLERANCE, self._quadratic(hessian))
         multipliers = np.zeros(self._rows)
         multipliers[near] = dual[: len(near)] / scales[near]
         cone_rows = sum(len(cone.values) + 1 for cone in constraints.cones)

@@ -115,12 +115,12 @@ def guess_optimum(program: Program, x: Point, goal: Goal) -> Optimum | None:
 def follow(program: Program, start: Optimum, goal: Callable[[float], Goal], *, partly: bool = False) -> Continuation:
     """Return how far the optimum of ``goal`` (share) is followed from that at 0, to 1 at most.
 
-    Once the attempts that are left cannot lead to 1 it goes no further, unless ``partly`` will do.
+    Once the attempts that remain cannot lead to 1 it goes no further, unless ``partly`` will do.
     """
     optimum, share, step, steps, corrections, changes = start, 0.0, 1.0, 0, 0, 0
     kernel = program.kernel
-    for left in range(OPTIONS.attempts, 0, -1):
-        if share >= 1.0 or share + step * (2**left - 1) < 1.0:
+    for remaining in range(OPTIONS.attempts, 0, -1):
+        if share >= 1.0 or share + step * (2**remaining - 1) < 1.0:
             break
         check_interruption()
         target = min(1.0, share + step)
@@ -128,9 +128,9 @@ def follow(program: Program, start: Optimum, goal: Callable[[float], Goal], *, p
         if result is None:
             step = (target - share) / 2
             continue
-        optimum, used, changed = result
-        share, steps, corrections, changes = target, steps + 1, corrections + used, changes + changed
-        step *= 2.0 if used <= OPTIONS.few else 1.0
+        optimum, count, changed = result
+        share, steps, corrections, changes = target, steps + 1, corrections + count, changes + changed
+        step *= 2.0 if count <= OPTIONS.few else 1.0
     return Continuation(optimum=optimum, share=share, steps=steps, corrections=corrections, changes=changes)
 
 
@@ -155,16 +155,16 @@ def _correct(program: Program, kernel: Any, start: Optimum, goal: Goal) -> tuple
         predicted=OPTIONS.predicted,
         qp=QpOptions(),
     )
-    x, multipliers, _, used, changes, found = search(
+    x, multipliers, _, corrections, changes, converged = search(
         kernel, start.x, start.multipliers, goal.weights, *_bounds(program, goal), options
     )
-    return (Optimum(x=program.pin(x[None])[0], multipliers=multipliers), used, changes) if found else None
+    return (Optimum(x=program.pin(x[None])[0], multipliers=multipliers), corrections, changes) if converged else None
 
 
 def _bounds(
     program: Program, goal: Goal
 ) -> tuple[Float[np.ndarray, "bounds objectives"], Float[np.ndarray, " bounds"]]:
     """Return the finite rows of the goal, then those of the program's own bounds, and what they may be at most."""
-    finite, own = np.isfinite(goal.upper), np.isfinite(program.upper)
-    rows = np.concatenate([goal.rows[finite], np.eye(len(program.upper))[own]])
-    return rows, np.concatenate([goal.upper[finite], program.upper[own]])
+    finite, bounded = np.isfinite(goal.upper), np.isfinite(program.upper)
+    rows = np.concatenate([goal.rows[finite], np.eye(len(program.upper))[bounded]])
+    return rows, np.concatenate([goal.upper[finite], program.upper[bounded]])

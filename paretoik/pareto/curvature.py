@@ -167,16 +167,16 @@ def null_space(
     """
     count = rows.shape[1]
     unit = rows / np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), 1e-300)
-    left = eliminate(unit, count if unknowns is None else unknowns)
-    rest = left.reduced
-    lengths = np.linalg.norm(rest, axis=1)
-    rest = rest[lengths > OPTIONS.dependent] / lengths[lengths > OPTIONS.dependent, None]
-    basis, triangle, _ = qr(rest.T, pivoting=True)
+    elimination = eliminate(unit, count if unknowns is None else unknowns)
+    normals = elimination.reduced
+    lengths = np.linalg.norm(normals, axis=1)
+    normals = normals[lengths > OPTIONS.dependent] / lengths[lengths > OPTIONS.dependent, None]
+    basis, triangle, _ = qr(normals.T, pivoting=True)
     sizes = np.abs(np.diagonal(triangle))
     basis = basis[:, np.count_nonzero(sizes > OPTIONS.dependent * sizes.max(initial=0.0)) :]
     directions = np.zeros((count, basis.shape[1]))
-    directions[left.free] = basis
-    directions[left.columns] = -left.table[left.pivots][:, left.free] @ basis
+    directions[elimination.free] = basis
+    directions[elimination.columns] = -elimination.table[elimination.pivots][:, elimination.free] @ basis
     return directions
 
 

@@ -111,19 +111,19 @@ def _refine_rows(
         check_interruption()
         converged[i] = _is_critical(program, x[i], n_obj, OPTIONS.critical, criticality_bound)
     for attempt in attempts:
-        rest = rows[~converged[rows]]
-        if not len(rest):
+        remaining = rows[~converged[rows]]
+        if not len(remaining):
             return
-        upper = np.array([attempt.rows @ program.evaluate(one)[0] for one in x[rest]])
+        upper = np.array([attempt.rows @ program.evaluate(one)[0] for one in x[remaining]])
         try:
             solutions = minimise(
-                program, x[rest], attempt.weights, upper, attempt.options, rows=attempt.rows, solver=solver
+                program, x[remaining], attempt.weights, upper, attempt.options, rows=attempt.rows, solver=solver
             )
         except Interrupted as stop:
             if stop.partial is not None:
-                _keep(program, x, converged, rest, stop.partial, attempt)
+                _keep(program, x, converged, remaining, stop.partial, attempt)
             raise
-        _keep(program, x, converged, rest, solutions, attempt)
+        _keep(program, x, converged, remaining, solutions, attempt)
 
 
 def _keep(

@@ -218,14 +218,14 @@ def _limit_step(motion, k, largest, velocities, repulsion, projected, status):
     limit = 1.0  # rad or m that a joint moves in one step at most: a Jacobian says nothing farther away
     if largest < np.inf and largest <= limit:
         return
-    held = not largest < np.inf
-    status[motion, k] = HELD if held else SHORTENED
-    share = 0.0 if held else limit / largest
+    stops = not largest < np.inf
+    status[motion, k] = HELD if stops else SHORTENED
+    share = 0.0 if stops else limit / largest
     for j in range(velocities.shape[2]):
-        velocities[motion, k, j] = 0.0 if held else share * velocities[motion, k, j]
-        repulsion[motion, k, j] = 0.0 if held else share * repulsion[motion, k, j]
+        velocities[motion, k, j] = 0.0 if stops else share * velocities[motion, k, j]
+        repulsion[motion, k, j] = 0.0 if stops else share * repulsion[motion, k, j]
         for c in range(projected.shape[2]):
-            projected[motion, k, c, j] = 0.0 if held else share * projected[motion, k, c, j]
+            projected[motion, k, c, j] = 0.0 if stops else share * projected[motion, k, c, j]
 
 
 @compiled

@@ -133,8 +133,8 @@ def _still(root: Float[np.ndarray, " dof"], limits: StepLimits) -> Float[np.ndar
     rates: np.ndarray = np.clip(zeros, *limits.bounds.T)
     if limits.slack(rates).min() >= 0:
         return rates
-    found = _nearest(zeros, identity, root, identity, limits)
-    return rates if found is None else found
+    nearest = _nearest(zeros, identity, root, identity, limits)
+    return rates if nearest is None else nearest
 
 
 def _nearest(free: np.ndarray, N: np.ndarray, root: np.ndarray, P: np.ndarray, limits: StepLimits) -> np.ndarray | None:

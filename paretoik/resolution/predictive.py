@@ -154,9 +154,10 @@ def follow_predictively(
         task_velocity = (travel / dt + feedback * error).T
         dq = traces["velocities"][:, k - 1] if k else np.zeros((count, dof))
         ddq = (dq - (traces["velocities"][:, k - 2] if k > 1 else 0.0)) / dt if k else np.zeros((count, dof))
-        lost = np.abs(error).max(axis=0) > tolerance
+        is_off_path = np.abs(error).max(axis=0) > tolerance
         desired = [
-            each.next_position(k, q[i, k], dq[i], ddq[i], lost=bool(lost[i])) for i, each in enumerate(predictors)
+            each.next_position(k, q[i, k], dq[i], ddq[i], is_off_path=bool(is_off_path[i]))
+            for i, each in enumerate(predictors)
         ]
         secondary = (np.stack(desired) - q[:, k]) / dt
         outputs = (traces[name] for name in ("velocities", "repulsion", "projected", "status"))
@@ -173,12 +174,12 @@ class Predictor:
         self._due = schedule.updates(len(task.times))
         self._origin, self._spline = 0, np.zeros((0, DEGREE + 1, task.arm.dof))
 
-    def next_position(self, k: int, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, *, lost: bool) -> np.ndarray:
+    def next_position(self, k: int, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, *, is_off_path: bool) -> np.ndarray:
         """Return the desired positions at the sample after k; predict first where an update is due.
 
         Off the path, or past the end of the prediction, they are those at k.
         """
-        if lost:
+        if is_off_path:
             self._spline = self._spline[:0]
         elif self._due and self._due[0] <= k:
             last, self._due = self._due[-1], [update for update in self._due if update > k]

@@ -143,11 +143,11 @@ def _check_tracking(task: MotionTask, motion: ResolvedMotion, tolerance: float) 
     broken = np.zeros_like(errors, dtype=bool)
     status = motion.traces.status.reshape(-1, samples - 1)
     broken[:, 1:] = np.isin(status, list(LOST_STEPS))
-    lost = broken | (errors > tolerance)
-    if not lost.any():
+    off_path = broken | (errors > tolerance)
+    if not off_path.any():
         return
-    i = int(np.argmax(lost.any(axis=1)))
-    sample = int(np.argmax(lost[i]))
+    i = int(np.argmax(off_path.any(axis=1)))
+    sample = int(np.argmax(off_path[i]))
     before = max(sample - 1, 0)
     q = motion.q.reshape(-1, samples, dof)[i, before]
     jacobian = task_errors(task.arm, task.tasks, q, task.targets[before])[1]

@@ -150,10 +150,10 @@ def front_order(Z: Floats, count: int, nearest: Floats, starts: Sequence[int] = 
         segment = (2 * split + (remaining > split))[keep]
         remaining, near = remaining[keep], near[keep]
     if remaining.size:  # a geometric tail peels off one point a level: the greedy loop is the faster there
-        rest = np.sort(path[remaining])
+        tail = np.sort(path[remaining])
         near = near[np.argsort(path[remaining])]
-        order, distance = greedy_order(Z[rest], min(count, rest.size), near)
-        value[place[rest[order]]] = distance
+        order, distance = greedy_order(Z[tail], min(count, tail.size), near)
+        value[place[tail[order]]] = distance
     by_index = value[place]
     order = np.lexsort((np.arange(size), -by_index))
     order = np.concatenate((np.asarray(starts, dtype=np.int64), order[len(starts) :]))[:count]

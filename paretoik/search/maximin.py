@@ -11,9 +11,11 @@ every point is non-dominated and distances say little: NSGA-III, or a preferred 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
+from jaxtyping import Bool, Float
 from moocore import pareto_rank
 from numpy.typing import ArrayLike
 from pymoo.core.population import Population
@@ -33,17 +35,33 @@ from paretoik.search.insertion import (
 
 @dataclass(frozen=True, eq=False)
 class Survivors:
-    """Who survives, best first, each (survivors,).
+    """Who survives, best first, each (survivors,), the feasible ones before the others.
 
-    ``distance`` is the insertion distance, ``spacing`` the sum of the distances to the n_obj nearest survivors of the
-    same rank: inf where there are fewer and for the best of a rank in an objective, 0 beyond ``ranges`` and for
-    infeasible points.
+    ``distance`` is the insertion distance; ``normalised`` (feasible, n_obj) objectives and ``is_beyond`` (feasible,),
+    beyond ``ranges``, are of the feasible survivors.
     """
 
     index: Ids
     rank: Ids
     distance: Values
-    spacing: Values
+    normalised: Float[np.ndarray, "feasible n_obj"]
+    is_beyond: Bool[np.ndarray, " feasible"]
+
+    @cached_property
+    def spacing(self) -> Values:
+        """Sum of the distances to the n_obj nearest survivors of the same rank (survivors,), computed when first read.
+
+        It is inf where there are fewer and for the best of a rank in an objective, 0 beyond ``ranges`` and for
+        infeasible points.
+        """
+        Z, ranks = self.normalised, self.rank[: len(self.normalised)]
+        spacing = np.zeros(len(self.index))
+        spacing[: len(Z)] = neighbour_distances(Z, ranks, Z.shape[1])
+        for rank in np.unique(ranks):
+            members = np.flatnonzero(ranks == rank)
+            spacing[members[Z[members].argmin(axis=0)]] = np.inf
+        spacing[: len(Z)][self.is_beyond] = 0.0
+        return spacing
 
 
 def survivors(
@@ -76,14 +94,14 @@ def survivors(
     chosen, distance = _by_maximin(Z, ranks, is_beyond, places)
     if species is not None and places:
         chosen, distance = _with_species(chosen, distance, ranks, species[feasible])
-    spacing = _spacing(Z[chosen], ranks[chosen], is_beyond[chosen])
-    rest = np.concatenate((reserved, others[~np.isin(others, reserved)]))[: count - places]
+    infeasible = np.concatenate((reserved, others[~np.isin(others, reserved)]))[: count - places]
     worst = int(ranks.max(initial=-1)) + 1
     return Survivors(
-        index=np.concatenate((feasible[chosen], rest)),
-        rank=np.concatenate((ranks[chosen], worst + np.arange(rest.size))),
-        distance=np.concatenate((distance, np.zeros(rest.size))),
-        spacing=np.concatenate((spacing, np.zeros(rest.size))),
+        index=np.concatenate((feasible[chosen], infeasible)),
+        rank=np.concatenate((ranks[chosen], worst + np.arange(infeasible.size))),
+        distance=np.concatenate((distance, np.zeros(infeasible.size))),
+        normalised=Z[chosen],
+        is_beyond=is_beyond[chosen],
     )
 
 
@@ -118,16 +136,6 @@ def _by_maximin(Z: Floats, ranks: Integers, is_beyond: Mask, count: int) -> tupl
         later = np.flatnonzero(groups > group)
         nearest[later] = np.minimum(nearest[later], nearest_squared(Z[later], Z[positions[-1]]))
     return np.concatenate(positions), np.concatenate(distances)
-
-
-def _spacing(Z: Floats, ranks: Integers, is_beyond: Mask) -> Floats:
-    """How lonely each survivor is among those of its rank, the best of a rank in an objective infinitely."""
-    spacing = neighbour_distances(Z, ranks, Z.shape[1])
-    for rank in np.unique(ranks):
-        members = np.flatnonzero(ranks == rank)
-        spacing[members[Z[members].argmin(axis=0)]] = np.inf
-    spacing[is_beyond] = 0.0
-    return spacing
 
 
 def _nondominated_infeasible(F: Floats, violation: Floats, front: Integers, others: Integers) -> Integers:

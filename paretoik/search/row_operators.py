@@ -102,8 +102,8 @@ class OneElite(Survival):  # type: ignore[misc]  # pymoo has no types
             return pop
         parents, offspring = pop[:n_survive], pop[n_survive:]
         stay = max(1, n_survive - len(offspring))  # one, but where there are fewer offspring than parents
-        kept = np.sort(_best_first(offspring)[: n_survive - stay])
-        return Population.merge(parents[_best_first(parents)[:stay]], offspring[kept])
+        survivors = np.sort(_best_first(offspring)[: n_survive - stay])
+        return Population.merge(parents[_best_first(parents)[:stay]], offspring[survivors])
 
 
 def _best_first(pop: Any) -> Integers:

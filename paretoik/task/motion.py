@@ -279,9 +279,9 @@ class Motion:
         targets = np.concatenate([task.targets(instants) for task in self.tasks], axis=1)
         retraction = retract_nearest(self.arm, self.tasks, q, targets)
         if not retraction.on_path.all():
-            lost = np.unravel_index(int(np.argmin(retraction.on_path)), q.shape[:-1])
-            where = f"at: the motion must follow its path, but at {instants[lost[-1]]:g} s"
-            error = retraction.error[lost]
+            off_path = np.unravel_index(int(np.argmin(retraction.on_path)), q.shape[:-1])
+            where = f"at: the motion must follow its path, but at {instants[off_path[-1]]:g} s"
+            error = retraction.error[off_path]
             if error <= ON_PATH_TOLERANCE:
                 raise Infeasible(f"{where} it meets a singularity of its tasks, where it has no direction")
             raise Infeasible(f"{where} its tool is {error:.3g} rad or lengths of the arm off")

@@ -53,8 +53,8 @@ def progress_rates(
         return np.full_like(fraction, 1 / duration), np.zeros_like(fraction)
     from_nearer_end = np.minimum(fraction, 1 - fraction)
     if law == "quintic":
-        rest = from_nearer_end * (1 - from_nearer_end)
-        speed, acceleration = 30 * rest**2, 60 * rest * (1 - 2 * from_nearer_end)
+        product = from_nearer_end * (1 - from_nearer_end)
+        speed, acceleration = 30 * product**2, 60 * product * (1 - 2 * from_nearer_end)
     else:
         angle = 4 * np.pi * from_nearer_end
         speed, acceleration = 4 * from_nearer_end - np.sin(angle) / np.pi, 8 * np.sin(angle / 2) ** 2

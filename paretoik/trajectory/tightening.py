@@ -122,16 +122,16 @@ def hold_all(
 
     ``observe`` is called with what is done and with all.
     """
-    held = list[HeldMotion]()
+    results = list[HeldMotion]()
     for i, one in enumerate(x):
         try:
             check_interruption()
-            held.append(hold_between(program, one, n_obj, solver=solver))
+            results.append(hold_between(program, one, n_obj, solver=solver))
         except Interrupted:
-            return held + [HeldMotion(x=rest, bounds=program.bounds, violation=np.nan) for rest in x[i:]]
+            return results + [HeldMotion(x=motion, bounds=program.bounds, violation=np.nan) for motion in x[i:]]
         if observe is not None:
             observe(i + 1, len(x))
-    return held
+    return results
 
 
 def feasible_motions(program: MotionProgram, x: Float[np.ndarray, "motions time dof"]) -> list[HeldMotion]:

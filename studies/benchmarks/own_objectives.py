@@ -118,8 +118,8 @@ def walk_rows(walk: Walk, points: int) -> list[Row]:
     table = walk.name
 
     def row(column: str, unit: str, ours: float, goal: float, note: str = "") -> Row:
-        lost = "" if ours <= goal else LOSS
-        note = lost + note
+        prefix = "" if ours <= goal else LOSS
+        note = prefix + note
         return Row(
             table=table, row="front", column=column, unit=unit, ours=ours, reference=goal, source="goal", note=note
         )

@@ -47,8 +47,8 @@ class Comparison:
 def union(fronts: Sequence[Objectives]) -> Objectives:
     """Return what no point of any front dominates."""
     F = np.concatenate(fronts)
-    kept: Objectives = F[is_nondominated(F, keep_weakly=False)] if len(F) else F
-    return kept
+    nondominated: Objectives = F[is_nondominated(F, keep_weakly=False)] if len(F) else F
+    return nondominated
 
 
 def scores(F: Objectives, union: Objectives) -> dict[str, float]:

@@ -92,9 +92,9 @@ def numeric_constants(tree: ast.Module) -> Iterator[str]:
 def tabulate(now: Sizes, before: Sizes | None) -> list[Row]:
     """Return all rows, those of the checkout before beside them."""
 
-    def row(table: str, name: str, ours: float, beside: float | None, note: str = "") -> Row:
+    def row(table: str, name: str, ours: float, former: float | None, note: str = "") -> Row:
         return Row(
-            table=table, row=name, column="now", unit="", ours=ours, reference=beside, source="before", note=note
+            table=table, row=name, column="now", unit="", ours=ours, reference=former, source="before", note=note
         )
 
     rows = []

@@ -81,9 +81,9 @@ def run_study(effort: Effort, folder: Path) -> tuple[list[Row], list[Path]]:
     rows += nearest_rows(angles=angles, masses=effort.masses)
     begin("Equation 5")
     models = all_surrogates(count=effort.grid)
-    rows += [row for found in models.values() for row in surrogate_rows(found)]
+    rows += [row for surrogates in models.values() for row in surrogate_rows(surrogates)]
     begin("Figure 8")
-    trajectories = {name: trajectory(found, samples=effort.samples) for name, found in models.items()}
+    trajectories = {name: trajectory(surrogates, samples=effort.samples) for name, surrogates in models.items()}
     rows += figure_8(trajectories) + cheating(trajectories)
     begin("Figure 9 and Table 4")
     ways = {name: postures(one, pieces=effort.pieces, cell=effort.cell) for name, one in trajectories.items()}

@@ -163,8 +163,8 @@ def posture_rows(by_mechanism: dict[str, Postures], trajectories: dict[str, Traj
     rows = []
     for name, one in by_mechanism.items():
         claimed, possible, soonest = trajectories[name].run.arrival, trajectories[name].possible, one.soonest.times[-1]
-        lost = "LOSS: " if soonest > 1.01 * claimed else ""
-        note = f"{lost}{100 * (soonest / claimed - 1):+.1f} % beside the arrival by ellipses, {claimed:.4g} s"
+        prefix = "LOSS: " if soonest > 1.01 * claimed else ""
+        note = f"{prefix}{100 * (soonest / claimed - 1):+.1f} % beside the arrival by ellipses, {claimed:.4g} s"
         fast = np.rad2deg(np.abs(np.einsum("ij,i->ij", np.diff(one.maxima.q, axis=0), 1 / one.maxima.lasting[1:])))
         entries = [
             ("soonest, postures do not jump", soonest, note),
@@ -179,8 +179,8 @@ def posture_rows(by_mechanism: dict[str, Postures], trajectories: dict[str, Traj
         ]
         rows += [beside_paper((SOONEST, name, column), "s", value, note) for column, value, note in entries]
     first, second = (by_mechanism[name].soonest.times[-1] for name in MECHANISMS)
-    lost = "LOSS: DAM is later" if second > first else ""
-    rows.append(beside_paper((SOONEST, "DAM beside JAM", "soonest"), "%", 100 * (second / first - 1), lost))
+    prefix = "LOSS: DAM is later" if second > first else ""
+    rows.append(beside_paper((SOONEST, "DAM beside JAM", "soonest"), "%", 100 * (second / first - 1), prefix))
     return rows + _gear_rows(by_mechanism["DAM"])
 
 

@@ -62,9 +62,9 @@ def symmetries(count: int, rng: np.random.Generator) -> list[Row]:
     """Return how far opposite maxima differ, and how far inside its neighbours' chord a vertex of one posture is."""
     rows, ways = [], unit_directions(96, 2)
     for name in MECHANISMS:
-        found = np.array([speeds(name, position) for position in POSITIONS.values()])
-        half = found.shape[1] // 2
-        worst = float(np.abs(found[:, half:] / found[:, :half] - 1.0).max())
+        maxima = np.array([speeds(name, position) for position in POSITIONS.values()])
+        half = maxima.shape[1] // 2
+        worst = float(np.abs(maxima[:, half:] / maxima[:, :half] - 1.0).max())
         rows.append(_small(name, "v(−d) beside v(d), at most", worst, "nine positions, 16 directions"))
         columns, low, high = random_postures(pk.arms.kim_3r(), actuation_of(name), count, rng)
         vertices = highest_speeds(columns, low, high, ways)[..., None] * ways
@@ -90,9 +90,9 @@ def many_starts(starts: int, rng: np.random.Generator, *, positions: int) -> lis
         program, ratios, failed, missed = full_program(name), list[float](), 0, 0
         for place in list(places().values())[:positions]:
             for way, ours in zip(ways, speeds(name, place), strict=True):
-                found = [program.solved(start, place, way) for start in program.starts(place, starts, rng)]
-                ended = [value / ours - 1.0 for value, success in found if success]
-                failed += len(found) - len(ended)
+                solutions = [program.solved(start, place, way) for start in program.starts(place, starts, rng)]
+                ended = [value / ours - 1.0 for value, success in solutions if success]
+                failed += len(solutions) - len(ended)
                 ratios += ended
                 missed += max(ended, default=-1.0) < -SAME
         worst, reached = max(ratios), np.mean(np.array(ratios) > -SAME)
@@ -107,7 +107,7 @@ def random_paths(trajectories: dict[str, Trajectory], count: int, rng: np.random
     """Return how near random paths from p4 to p6, timed finely, come to the fastest: waves about it and a line."""
     rows = []
     for name, one in trajectories.items():
-        model, path = one.found.models["ellipsoids"], one.geodesic.points
+        model, path = one.surrogates.models["ellipsoids"], one.geodesic.points
         shares = np.linspace(0.0, 1.0, len(path))
         straight = (1 - shares[:, None]) * path[0] + shares[:, None] * path[-1]
         waves = np.sin(np.pi * np.arange(1, 6)[:, None] * shares)

@@ -134,14 +134,14 @@ def race_rows(one: Race) -> list[Row]:
             f"of {len(ours)} starts {np.isfinite(ours).sum()} end, IPOPT's {np.isfinite(theirs).sum()}; the best of "
             f"all is reached by {np.sum(ours <= best * (1 + SAME))} and {np.sum(theirs <= best * (1 + SAME))}"
         )
-        lost = "LOSS: " if worse > SAME else ""
-        rows.append((f"{what}: our best above the best of both", "", worse, None, lost + note))
+        prefix = "LOSS: " if worse > SAME else ""
+        rows.append((f"{what}: our best above the best of both", "", worse, None, prefix + note))
         mine, other = 1e3 * np.median(one.seconds[:, e], axis=1)
         rows.append((f"{what}: one search", "ms", mine, other, f"{mine / other:.2f} times CasADi + IPOPT beside it"))
     largest = float(one.gained.max())
-    lost = "LOSS: " if largest > SAME else ""
+    prefix = "LOSS: " if largest > SAME else ""
     rows.append(
-        ("what IPOPT gains in work from our front, at most", "", largest, None, f"{lost}{len(one.gained)} points")
+        ("what IPOPT gains in work from our front, at most", "", largest, None, f"{prefix}{len(one.gained)} points")
     )
     return [
         Row(

@@ -50,7 +50,7 @@ class FullProgram:
 
     def solved(self, start: np.ndarray, position: np.ndarray, direction: np.ndarray) -> tuple[float, bool]:
         """Return the speed found [m/s], and whether IPOPT ended at an optimum."""
-        found = self.solver(
+        solution = self.solver(
             x0=start,
             p=np.concatenate([position, direction]),
             lbx=self.lower,
@@ -58,12 +58,12 @@ class FullProgram:
             lbg=np.zeros(4 + self.inequalities),
             ubg=np.concatenate([np.zeros(4), np.full(self.inequalities, np.inf)]),
         )
-        return SPEED * float(found["x"][-1]), self.solver.stats()["return_status"] == "Solve_Succeeded"
+        return SPEED * float(solution["x"][-1]), self.solver.stats()["return_status"] == "Solve_Succeeded"
 
     def starts(self, position: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
         """Return unknowns at rest in random postures that can be held, sliders where they fit."""
-        motors, found, rows = self.mechanism.actuation, np.zeros((0, len(self.lower))), DRAWN
-        while len(found) < count:
+        motors, postures, rows = self.mechanism.actuation, np.zeros((0, len(self.lower))), DRAWN
+        while len(postures) < count:
             angles, elbows = rng.uniform(0, 2 * np.pi, (1, rows)), rng.choice([-1.0, 1.0], (1, rows))
             known = nodes(self.mechanism, position[None], angles, elbows)
             q, able = known.q[0], np.isfinite(known.slowness).all(axis=(0, 1, 3))
@@ -76,8 +76,8 @@ class FullProgram:
                 able[able] = ((back >= motors.back_bounds[:, 0]) & (back <= motors.back_bounds[:, 1])).all(axis=1)
                 parts.append(front / motors.rod)
             shares = 0.1 * rng.uniform(-1, 1, (rows, len(self.lower) - 3 * len(parts) - 1))
-            found = np.concatenate([found, np.hstack([*parts, shares, np.zeros((rows, 1))])[able]])
-        return found[:count]
+            postures = np.concatenate([postures, np.hstack([*parts, shares, np.zeros((rows, 1))])[able]])
+        return postures[:count]
 
 
 @cache
@@ -119,12 +119,12 @@ def linkage(q: Any) -> tuple[list[Any], list[Any], list[Any]]:
     joints, middles = [], []
     for j, length in enumerate(LENGTHS):
         heading = heading + q[j]
-        way = [ca.cos(heading), ca.sin(heading)]
+        direction = [ca.cos(heading), ca.sin(heading)]
         joints.append(joint)
-        middles.append(joint[0] + length / 2 * way[0])
-        joint = [joint[a] + length * way[a] for a in range(2)]
-    columns = [[-(joint[1] - own[1]), joint[0] - own[0]] for own in joints]
-    torque = [MASS * GRAVITY * sum(middle - own[0] for middle in middles[j:]) for j, own in enumerate(joints)]
+        middles.append(joint[0] + length / 2 * direction[0])
+        joint = [joint[a] + length * direction[a] for a in range(2)]
+    columns = [[-(joint[1] - place[1]), joint[0] - place[0]] for place in joints]
+    torque = [MASS * GRAVITY * sum(middle - place[0] for middle in middles[j:]) for j, place in enumerate(joints)]
     return joint, columns, torque
 
 

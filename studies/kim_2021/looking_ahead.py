@@ -52,10 +52,10 @@ class LookingAhead:
         ends = np.concatenate([scaled[0], scaled[-1]])
         known = {} if self.multipliers is None else dict(zip(("lam_x0", "lam_g0"), self.multipliers, strict=True))
         bounds = {"lbx": self.lower, "ubx": self.upper, "lbg": 0.0, "ubg": self.highest}
-        found = self.solver(x0=start, p=ends, **bounds, **known)
+        solution = self.solver(x0=start, p=ends, **bounds, **known)
         if not self.staged:
-            self.multipliers = found["lam_x"], found["lam_g"]
-        return float(found["f"]), bool(self.solver.stats()["success"])
+            self.multipliers = solution["lam_x"], solution["lam_g"]
+        return float(solution["f"]), bool(self.solver.stats()["success"])
 
 
 def looking_ahead(model: PolynomialEllipsoids, pieces: int, peer: Peer = "IPOPT, warm") -> LookingAhead:

@@ -40,8 +40,8 @@ class MotionProgram:
         rows = np.zeros(self.equalities + self.inequalities + 1)
         upper = np.concatenate([rows[: self.equalities], np.full(self.inequalities, np.inf), [longest]])
         lower = np.concatenate([rows[:-1], [-np.inf]])
-        found = self.solver(x0=start, p=np.array(weights), lbg=lower, ubg=upper)
-        z = np.array(found["x"])[:, 0]
+        solution = self.solver(x0=start, p=np.array(weights), lbg=lower, ubg=upper)
+        z = np.array(solution["x"])[:, 0]
         success = self.solver.stats()["return_status"] == "Solve_Succeeded"
         return z, np.array(self.values(z))[:, 0], success
 

@@ -60,8 +60,8 @@ def one_posture(mechanism: str, case: str, *, points: int) -> OnePosture:
         for way, quantity in zip(ways, quantities, strict=True)
     ]
     program = posture_program(problem)
-    found = np.array([program.solved(genes) for genes in np.array(front.genes)])
-    gained = found / front.objectives[:, 1] - 1.0
+    speeds = np.array([program.solved(genes) for genes in np.array(front.genes)])
+    gained = speeds / front.objectives[:, 1] - 1.0
     return OnePosture(name=f"{mechanism}, {case}", front=front, maxima=np.concatenate(each), gained=gained)
 
 
@@ -74,7 +74,7 @@ def one_posture_rows(one: OnePosture) -> list[Row]:
     ends = ", ".join(f"{100 * share:.2f} % of {maximum:.4g}" for share, maximum in reached)
     ended = one.gained[np.isfinite(one.gained)]
     largest = float(ended.max(initial=0.0))
-    lost = "LOSS: " if largest > SAME else ""
+    prefix = "LOSS: " if largest > SAME else ""
     rows = [
         (
             "both at once: of either's maximum at least",
@@ -89,7 +89,7 @@ def one_posture_rows(one: OnePosture) -> list[Row]:
             f"stationary within {certificates.kkt_residual.max():.1e}, limits kept within "
             f"{certificates.violation.max():.1e}",
         ),
-        ("IPOPT's gain from them, at most", "", largest, f"{lost}it ended at {len(ended)} optima of {len(shares)}"),
+        ("IPOPT's gain from them, at most", "", largest, f"{prefix}it ended at {len(ended)} optima of {len(shares)}"),
     ]
     return [
         Row(table=TABLE, row=one.name, column=column, unit=unit, ours=value, note=note)
@@ -102,12 +102,12 @@ def all_cases(points: int) -> list[OnePosture]:
     return [one_posture(mechanism, case, points=points) for mechanism in MECHANISMS for case in CASES]
 
 
-def drawn_postures(folder: Path, found: Sequence[OnePosture]) -> Path:
+def drawn_postures(folder: Path, fronts: Sequence[OnePosture]) -> Path:
     """Draw all fronts, and the postures that keep most of both maxima, into one picture, and return the file."""
     file = folder / "one_posture.png"
     with drawing(file, (9.0, 5.6)) as figure:
         panels = figure.subplots(2, len(CASES))
-        for k, one in enumerate(found):
+        for k, one in enumerate(fronts):
             values, colour = one.front.objectives, PAPER.accents[1 if one.name.startswith("JAM") else 0]
             above, below = panels[:, k % len(CASES)]
             best = int((values / one.maxima).min(axis=1).argmax())

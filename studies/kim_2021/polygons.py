@@ -26,38 +26,38 @@ class Polygons:
     @property
     def gain(self) -> Float[np.ndarray, " directions"]:
         """How much faster DAM is in each direction, as a share of JAM."""
-        found: np.ndarray = self.dam.values / self.jam.values - 1.0
-        return found
+        shares: np.ndarray = self.dam.values / self.jam.values - 1.0
+        return shares
 
 
 def polygons(directions: int = DIRECTIONS) -> list[Polygons]:
     """Return both polygons at the nine positions."""
     arm = pk.arms.kim_3r()
-    found = []
+    pairs = []
     for name, position in POSITIONS.items():
         jam, dam = (pk.directional_maxima(arm, actuation_of(each), position, directions) for each in MECHANISMS)
-        found.append(Polygons(name=name, jam=jam, dam=dam))
-    return found
+        pairs.append(Polygons(name=name, jam=jam, dam=dam))
+    return pairs
 
 
-def polygon_rows(found: list[Polygons]) -> list[Row]:
+def polygon_rows(pairs: list[Polygons]) -> list[Row]:
     """Return each position's gains and the directions in which DAM is faster, then those of all nine."""
     rows = []
-    for one in found:
+    for one in pairs:
         x, y = 1e3 * one.jam.position
         rows += _gains(one.name, one.gain, f"({x:.0f}, {y:.0f}) mm; {_failing(one)}")
-    whole = np.concatenate([one.gain for one in found])
-    note = "; ".join(f"{one.name}: {np.count_nonzero(one.gain < -EQUAL)}" for one in found if np.any(one.gain < -EQUAL))
+    whole = np.concatenate([one.gain for one in pairs])
+    note = "; ".join(f"{one.name}: {np.count_nonzero(one.gain < -EQUAL)}" for one in pairs if np.any(one.gain < -EQUAL))
     return rows + _gains("all nine", whole, f"directions in which DAM is not faster: {note or 'none'}")
 
 
 def _gains(name: str, gain: np.ndarray, note: str) -> list[Row]:
     better = int(np.count_nonzero(gain > EQUAL))
-    told = {"least": gain.min(), "mean": gain.mean(), "largest": gain.max()}
-    rows = [beside_paper((TABLE, name, f"gain {what}"), "%", 100 * share, UNPRINTED) for what, share in told.items()]
-    lost = "LOSS: " if name == "p6" and better < len(gain) else ""
+    gains = {"least": gain.min(), "mean": gain.mean(), "largest": gain.max()}
+    rows = [beside_paper((TABLE, name, f"gain {what}"), "%", 100 * share, UNPRINTED) for what, share in gains.items()]
+    prefix = "LOSS: " if name == "p6" and better < len(gain) else ""
     column = "directions in which DAM is faster"
-    return [*rows, beside_paper((TABLE, name, column), f"of {len(gain)}", better, lost + note)]
+    return [*rows, beside_paper((TABLE, name, column), f"of {len(gain)}", better, prefix + note)]
 
 
 def _failing(one: Polygons) -> str:
@@ -66,5 +66,5 @@ def _failing(one: Polygons) -> str:
     if not len(failing):
         return "DAM is faster in all"
     angles = np.rad2deg(np.arctan2(*one.jam.directions[failing].T[::-1])) % 360
-    told = ", ".join(f"{angle:g}° {100 * one.gain[k]:+.1f} %" for angle, k in zip(angles, failing, strict=True))
-    return f"DAM is slower at {told}"
+    places = ", ".join(f"{angle:g}° {100 * one.gain[k]:+.1f} %" for angle, k in zip(angles, failing, strict=True))
+    return f"DAM is slower at {places}"

@@ -46,9 +46,9 @@ class PostureProgram:
         start = np.concatenate([*parts, (speeds / fastest).ravel(), at.values[0] / self.sizes])
         lower = np.zeros(self.equalities + self.inequalities)
         upper = np.where(np.arange(len(lower)) < self.equalities, 0.0, np.inf)
-        found = self.solver(x0=start, p=at.values[0, 0] / self.sizes[0], lbg=lower, ubg=upper)
+        solution = self.solver(x0=start, p=at.values[0, 0] / self.sizes[0], lbg=lower, ubg=upper)
         success = self.solver.stats()["return_status"] == "Solve_Succeeded"
-        return float(found["x"][-1] * self.sizes[1]) if success else np.nan
+        return float(solution["x"][-1] * self.sizes[1]) if success else np.nan
 
 
 def posture_program(problem: pk.DirectionalMaxima, tolerance: float = 1e-9) -> PostureProgram:
@@ -73,13 +73,13 @@ def posture_program(problem: pk.DirectionalMaxima, tolerance: float = 1e-9) -> P
                 for sign in (-1.0, 1.0)
             ]
             continue
-        own = shares[before : before + JOINTS * kinds]
+        block = shares[before : before + JOINTS * kinds]
         before += JOINTS * kinds
         rates = [0.0] * JOINTS
         for n, curve in enumerate(motors.curves):
             for j in range(JOINTS):
-                rates[j] += gears[j][n] * curve.fastest[j] * own[n * JOINTS + j]
-                rows += diamond(gears[j][n] * load[j] / curve.stall[j], own[n * JOINTS + j])
+                rates[j] += gears[j][n] * curve.fastest[j] * block[n * JOINTS + j]
+                rows += diamond(gears[j][n] * load[j] / curve.stall[j], block[n * JOINTS + j])
         equal += [
             sum(columns[j][a] * rates[j] for j in range(JOINTS)) / sizes[k] - values[k] * way[a] for a in range(2)
         ]

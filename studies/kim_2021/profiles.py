@@ -47,8 +47,8 @@ class Profile:
     def work(self) -> Float[np.ndarray, " 3"]:
         """∫ |τ q̇| dt of every joint [J]."""
         loaded = np.abs(self.torque[1:] + self.torque[:-1]) / 2
-        found: np.ndarray = (loaded * np.abs(self.turned)).sum(axis=0)
-        return found
+        slowness: np.ndarray = (loaded * np.abs(self.turned)).sum(axis=0)
+        return slowness
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -123,11 +123,11 @@ def lasting(
     mean = (before + after) / 2
     with np.errstate(invalid="ignore"):
         slow = np.abs(turned) * np.where(turned < 0, mean[0], mean[1])
-    found: np.ndarray = np.where(np.isnan(slow), np.inf, slow)
-    return found
+    slowness: np.ndarray = np.where(np.isnan(slow), np.inf, slow)
+    return slowness
 
 
 def wrap_angles(angle: np.ndarray) -> np.ndarray:
     """Return angles within half a turn of 0."""
-    found: np.ndarray = angle - 2 * np.pi * np.round(angle / (2 * np.pi))
-    return found
+    wrapped: np.ndarray = angle - 2 * np.pi * np.round(angle / (2 * np.pi))
+    return wrapped

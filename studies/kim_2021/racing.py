@@ -46,9 +46,9 @@ def polygon_race(*, rounds: int) -> list[Row]:
     for name in MECHANISMS:
         mine, other = 1e3 * np.median(ours[name]), 1e3 * np.median(theirs[name])
         place = f"{name}, 16 directions at p6"
-        lost = "LOSS: " if mine > GOALS[name] else ""
+        prefix = "LOSS: " if mine > GOALS[name] else ""
         rows.append(
-            _row(place, "ours", mine, f"{lost}goal {GOALS[name]:g} ms; all around, every branch; {rounds} rounds")
+            _row(place, "ours", mine, f"{prefix}goal {GOALS[name]:g} ms; all around, every branch; {rounds} rounds")
         )
         times = DIRECTIONS * other / mine
         note = (
@@ -60,10 +60,10 @@ def polygon_race(*, rounds: int) -> list[Row]:
 
 def step_race(one: Trajectory, *, steps: int) -> list[Row]:
     """Return the milliseconds of a step along the trajectory, ours and peers', all from what the step before left."""
-    model = one.found.models["ellipsoids"]
+    model = one.surrogates.models["ellipsoids"]
     assert isinstance(model, PolynomialEllipsoids)
     planner, target = Planner(model, horizon=HORIZON, formulation="midpoint"), one.path[-1]
-    ours, beside = list[float](), {peer: Beside() for peer in PEERS}
+    ours, theirs = list[float](), {peer: PeerSteps() for peer in PEERS}
     third = max(1, len(one.path) // 4)
     for begun_at in (0, third, 2 * third):  # three stretches of consecutive steps
         programs = {peer: looking_ahead(model, HORIZON, peer) for peer in PEERS}
@@ -77,20 +77,20 @@ def step_race(one: Trajectory, *, steps: int) -> list[Row]:
             ours.append(perf_counter() - begun)
             for peer, program in programs.items():
                 begun = perf_counter()
-                found, success = program.solved(guess, plan.time_to_go - PERIOD)
-                beside[peer].add(perf_counter() - begun, after.time_to_go / found - 1.0 if success else None)
+                time_to_go, success = program.solved(guess, plan.time_to_go - PERIOD)
+                theirs[peer].add(perf_counter() - begun, after.time_to_go / time_to_go - 1.0 if success else None)
             plan = after
     mine, whole = (1e3 * float(np.median(each)) for each in (ours, one.run.seconds))
     place = f"{one.mechanism}, one step of ten pieces"
-    lost, worst = "LOSS: " if mine > STEP_GOAL else "", np.quantile(one.run.seconds, 0.99)
-    note = f"{lost}goal {STEP_GOAL:g} ms; in the whole trajectory {whole:.3f} ms, 99 % within {1e3 * worst:.3f} ms"
+    prefix, worst = "LOSS: " if mine > STEP_GOAL else "", np.quantile(one.run.seconds, 0.99)
+    note = f"{prefix}goal {STEP_GOAL:g} ms; in the whole trajectory {whole:.3f} ms, 99 % within {1e3 * worst:.3f} ms"
     over = f", {np.count_nonzero(one.run.seconds > PERIOD)} of {len(one.run.seconds)} over 1 ms"
     rows = [_row(place, "ours", mine, note + over)]
-    return rows + [_row(place, f"CasADi + {peer}", *each.told(mine)) for peer, each in beside.items()]
+    return rows + [_row(place, f"CasADi + {peer}", *each.summary(mine)) for peer, each in theirs.items()]
 
 
 @dataclass(kw_only=True)
-class Beside:
+class PeerSteps:
     """What a peer's steps take [s], how far our times to go are above its at most, and how many steps it failed."""
 
     seconds: list[float] = field(default_factory=list)
@@ -103,11 +103,11 @@ class Beside:
         self.failed += above is None
         self.above = self.above if above is None else max(self.above, above)
 
-    def told(self, ours: float) -> tuple[float, str]:
+    def summary(self, ours: float) -> tuple[float, str]:
         """Return the median milliseconds, and a note."""
         median = 1e3 * float(np.median(self.seconds))
-        lost = "LOSS: " if median < ours else ""
-        note = f"{lost}{median / ours:.1f} times ours; {self.failed} fail; our times to go are at most"
+        prefix = "LOSS: " if median < ours else ""
+        note = f"{prefix}{median / ours:.1f} times ours; {self.failed} fail; our times to go are at most"
         return median, f"{note} {self.above:.1e} above its"
 
 

@@ -41,14 +41,14 @@ class Assumptions:
 
     def __str__(self) -> str:
         changed = [field.name for field in fields(self) if getattr(self, field.name) != field.default]
-        told = [
+        words = [
             f"{name.replace('_', ' ')} {value:g}"
             if isinstance(value := getattr(self, name), int | float)
             else str(value)
             for name in changed
             if name != "joint_ranges"
         ]
-        return ", ".join(told + ["JAM with DAM's joint ranges"] * self.joint_ranges) or "as is"
+        return ", ".join(words + ["JAM with DAM's joint ranges"] * self.joint_ranges) or "as is"
 
     @property
     def motors(self) -> pk.capability.JointActuation:
@@ -86,7 +86,7 @@ class Assumptions:
 
 def gains(assumed: Assumptions, names: Sequence[str], directions: int = DIRECTIONS) -> np.ndarray:
     """Return how much faster DAM is (positions, directions). Raises Infeasible where either cannot hold the arm."""
-    found = []
+    shares = []
     for name in names:
         speeds = []
         for what, arm, motors in (
@@ -97,8 +97,8 @@ def gains(assumed: Assumptions, names: Sequence[str], directions: int = DIRECTIO
                 speeds.append(pk.directional_maxima(arm, motors, POSITIONS[name], directions).values)
             except Infeasible as fault:
                 raise Infeasible(f"{what} at {name}: {fault}", limit=fault.limit) from fault
-        found.append(speeds[1] / speeds[0] - 1.0)
-    return np.array(found)
+        shares.append(speeds[1] / speeds[0] - 1.0)
+    return np.array(shares)
 
 
 def changes(*, angles: Sequence[float]) -> Iterator[Assumptions]:
@@ -126,14 +126,14 @@ def sensitivity_rows(*, angles: Sequence[float]) -> list[Row]:
         for name, places in (("p6", ("p6",)), ("all nine", tuple(POSITIONS))):
             row = f"{name}: {assumed}"
             try:
-                found = gains(assumed, places)
+                gain = gains(assumed, places)
             except Infeasible as fault:
                 rows.append(beside_paper((TABLE, row, "gain mean"), "%", np.nan, f"cannot hold: {fault}"))
                 continue
-            better = np.count_nonzero(found > EQUAL)
-            note = f"least {100 * found.min():+.1f} %, largest {100 * found.max():+.1f} %"
-            note += f"; DAM is faster in {better} of {found.size} directions"
-            rows.append(beside_paper((TABLE, row, "gain mean"), "%", 100 * found.mean(), note))
+            better = np.count_nonzero(gain > EQUAL)
+            note = f"least {100 * gain.min():+.1f} %, largest {100 * gain.max():+.1f} %"
+            note += f"; DAM is faster in {better} of {gain.size} directions"
+            rows.append(beside_paper((TABLE, row, "gain mean"), "%", 100 * gain.mean(), note))
     return rows
 
 
@@ -160,30 +160,30 @@ def _slider_speeds(assumed: Assumptions) -> np.ndarray:
 def nearest_rows(*, angles: Sequence[float], masses: Sequence[float] = MASSES) -> list[Row]:
     """Return of all combinations how many hold the arm and say what the paper does, and those that come nearest."""
     printed = paper()["Figures 5 and 6", "p6", "gain largest"]
-    tried, held = 0, list[tuple[Assumptions, np.ndarray]]()
+    tried, feasible = 0, list[tuple[Assumptions, np.ndarray]]()
     shapes: tuple[Literal["diamond", "strip"], ...] = ("diamond", "strip")
     bends: tuple[Literal[-1, 1], ...] = (1, -1)
     for mass, angle, bend, shape, ranges in product(masses, angles, bends, shapes, (False, True)):
         assumed = Assumptions(mass=mass, base_angle=angle, bend=bend, shape=shape, joint_ranges=ranges)
         tried += 1
         try:
-            held.append((assumed, 100 * gains(assumed, ("p6",))[0]))
+            feasible.append((assumed, 100 * gains(assumed, ("p6",))[0]))
         except Infeasible:
             continue
-    better = [(assumed, gain) for assumed, gain in held if gain.min() > 100 * EQUAL]
+    better = [(assumed, gain) for assumed, gain in feasible if gain.min() > 100 * EQUAL]
     rows = [
         beside_paper(
             (NEAREST, "combinations", "tried"), "", tried, "mass, base angle, bend, curve, JAM's joint ranges"
         ),
-        beside_paper((NEAREST, "combinations", "in which both hold the arm at p6"), "", len(held)),
+        beside_paper((NEAREST, "combinations", "in which both hold the arm at p6"), "", len(feasible)),
         beside_paper((NEAREST, "combinations", "in which DAM is faster in all 16 directions"), "", len(better)),
     ]
     for assumed, gain in sorted(better, key=lambda one: abs(one[1].max() - printed))[:SHOWN]:
-        told = f"gain least {gain.min():+.1f} %, mean {gain.mean():+.1f} %; looked up afterwards, used nowhere else"
-        rows.append(_near(assumed, gain, printed, told))
-    for assumed, gain in sorted(held, key=lambda one: abs(one[1].max() - printed))[:1]:
-        told = f"nearest of all that hold: DAM is faster in {np.count_nonzero(gain > 0)} of {len(gain)} directions"
-        rows.append(_near(assumed, gain, printed, told))
+        note = f"gain least {gain.min():+.1f} %, mean {gain.mean():+.1f} %; looked up afterwards, used nowhere else"
+        rows.append(_near(assumed, gain, printed, note))
+    for assumed, gain in sorted(feasible, key=lambda one: abs(one[1].max() - printed))[:1]:
+        note = f"nearest of all that hold: DAM is faster in {np.count_nonzero(gain > 0)} of {len(gain)} directions"
+        rows.append(_near(assumed, gain, printed, note))
     return rows
 
 

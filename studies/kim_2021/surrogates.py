@@ -81,26 +81,26 @@ def surrogates(mechanism: str, *, count: int) -> Surrogates:
     )
 
 
-def surrogate_rows(found: Surrogates) -> list[Row]:
+def surrogate_rows(surrogates: Surrogates) -> list[Row]:
     """Return the held-out errors of every model, and what even an ellipse of its own at every position has."""
     rows = []
-    unseen = found.unseen.positions, found.unseen.directions, found.unseen.values
-    for name, model in found.models.items():
+    unseen = surrogates.unseen.positions, surrogates.unseen.directions, surrogates.unseen.values
+    for name, model in surrogates.models.items():
         try:
             errors = fit_errors(model, *unseen)
         except ParetoikError as fault:
-            rows.append(beside_paper((TABLE, f"{found.mechanism}: {name}", "rms"), "%", np.nan, str(fault)))
+            rows.append(beside_paper((TABLE, f"{surrogates.mechanism}: {name}", "rms"), "%", np.nan, str(fault)))
             continue
         x, y = 1e3 * errors.position
         note = (
             f"at ({x:.0f}, {y:.0f}) mm along {_degrees(errors):.0f}°; at most {100 * errors.underestimate:.1f} % below"
         )
-        rows.append(beside_paper((TABLE, f"{found.mechanism}: {name}", "rms"), "%", 100 * errors.rms))
-        largest = (TABLE, f"{found.mechanism}: {name}", "largest overestimate")
+        rows.append(beside_paper((TABLE, f"{surrogates.mechanism}: {name}", "rms"), "%", 100 * errors.rms))
+        largest = (TABLE, f"{surrogates.mechanism}: {name}", "largest overestimate")
         rows.append(beside_paper(largest, "%", 100 * errors.overestimate, note))
-    alone = _errors_at(found.unseen)
+    alone = _errors_at(surrogates.unseen)
     note = f"no model: what ellipses miss whatever their fit; largest overestimate {100 * alone.max():.1f} %"
-    place = (TABLE, f"{found.mechanism}: an ellipse fitted at each position", "rms")
+    place = (TABLE, f"{surrogates.mechanism}: an ellipse fitted at each position", "rms")
     return [*rows, beside_paper(place, "%", 100 * float(np.sqrt(np.mean(alone**2))), note)]
 
 

@@ -33,7 +33,7 @@ class Trajectory:
     """
 
     mechanism: str
-    found: Surrogates
+    surrogates: Surrogates
     run: TimeOptimalRun
     geodesic: FastestPath
     printed: TimeOptimalRun
@@ -49,18 +49,18 @@ class Trajectory:
         return references(self.run)
 
 
-def trajectory(found: Surrogates, *, period: float = PERIOD, samples: int = 200) -> Trajectory:
+def trajectory(surrogates: Surrogates, *, period: float = PERIOD, samples: int = 200) -> Trajectory:
     """Return the trajectory by the ellipsoids fitted to the grid."""
-    model = found.models["ellipsoids"]
+    model = surrogates.models["ellipsoids"]
     run = time_optimal_control(model, START, TARGET, horizon=HORIZON, period=period)
     paper_model, fault = None, ""
     try:
-        paper_model = time_optimal_control(found.models[AS_PAPER], START, TARGET, horizon=HORIZON, period=period)
+        paper_model = time_optimal_control(surrogates.models[AS_PAPER], START, TARGET, horizon=HORIZON, period=period)
     except ParetoikError as error:
         fault = str(error)
     return Trajectory(
-        mechanism=found.mechanism,
-        found=found,
+        mechanism=surrogates.mechanism,
+        surrogates=surrogates,
         run=run,
         geodesic=fastest_path(model, START, TARGET),
         printed=time_optimal_control(model, START, TARGET, horizon=HORIZON, period=period, formulation="printed"),
@@ -68,11 +68,11 @@ def trajectory(found: Surrogates, *, period: float = PERIOD, samples: int = 200)
             "printed": fastest_plan(model, START, TARGET, horizon=HORIZON, formulation="printed"),
             "midpoint": fastest_plan(model, START, TARGET, horizon=HORIZON),
         },
-        possible=possible_time(found.mechanism, references(run), samples),
+        possible=possible_time(surrogates.mechanism, references(run), samples),
         paper_model=paper_model,
         paper_possible=np.nan
         if paper_model is None
-        else possible_time(found.mechanism, references(paper_model), samples),
+        else possible_time(surrogates.mechanism, references(paper_model), samples),
         paper_fault=fault,
     )
 
@@ -141,7 +141,7 @@ def _beside(row: str, column: str, unit: str, ours: float, printed: float, note:
 
 
 def _one(one: Trajectory) -> list[Row]:
-    model, name = one.found.models["ellipsoids"], one.mechanism
+    model, name = one.surrogates.models["ellipsoids"], one.mechanism
     printed = {what: paper()[TABLE, name, what] for what in ("arrival", "sag at x = 150 mm")}
     down = sag(one.path)
     straight = path_time(model, np.stack([START, TARGET]))
@@ -151,7 +151,7 @@ def _one(one: Trajectory) -> list[Row]:
     sag_note = UNPRINTED if down > 0 else UPWARDS
     true = one.geodesic.duration
     exact = f"ellipses are {100 * (one.run.arrival / one.possible - 1):+.1f} % off on this path; postures free to jump"
-    told = [
+    entries = [
         ("arrival", "s", one.run.arrival, arrival_note),
         ("sag at x = 150 mm", "mm", down, sag_note),
         ("fastest path, 100 pieces", "s", true, f"sag {sag(one.geodesic.points):.2f} mm"),
@@ -165,14 +165,14 @@ def _one(one: Trajectory) -> list[Row]:
         ("trajectory, by exact maxima", "s", one.possible, exact),
         ("straight line, by exact maxima", "s", possible_time(name, np.stack([START, TARGET]), 100), ""),
     ]
-    return [beside_paper((TABLE, name, column), unit, value, note) for column, unit, value, note in told]
+    return [beside_paper((TABLE, name, column), unit, value, note) for column, unit, value, note in entries]
 
 
 def cheating(trajectories: dict[str, Trajectory]) -> list[Row]:
     """Return what a plan of Eq. 6 claims and what its path takes, as printed and with a common interval."""
     rows = []
     for one in trajectories.values():
-        model, least = one.found.models["ellipsoids"], one.geodesic.duration
+        model, least = one.surrogates.models["ellipsoids"], one.geodesic.duration
         for name, plan in one.plans.items():
             true = path_time(model, plan.points)
             note = f"fastest path {least:.4f} s"

@@ -33,8 +33,8 @@ def straight_rows(assumptions: Iterable[Assumptions], *, pieces: int, cell: floa
             times.append(known[key])
         first, second = times
         sooner = "DAM is sooner" if second < first else "JAM is sooner"
-        told = f"{sooner}: JAM {first:.3f} s, DAM {second:.3f} s"
+        note = f"{sooner}: JAM {first:.3f} s, DAM {second:.3f} s"
         if np.isnan(first + second):
-            told = f"{'JAM' if np.isnan(first) else 'DAM'}: no postures without a jump that can be held all the way"
-        rows.append(beside_paper((TABLE, str(assumed), "DAM beside JAM"), "%", 100 * (second / first - 1), told))
+            note = f"{'JAM' if np.isnan(first) else 'DAM'}: no postures without a jump that can be held all the way"
+        rows.append(beside_paper((TABLE, str(assumed), "DAM beside JAM"), "%", 100 * (second / first - 1), note))
     return rows

@@ -137,9 +137,9 @@ def posture(distance: float, angle: float, side: int) -> Float[np.ndarray, " dof
 
     None where there is none, or two links nearly lie on each other or in line.
     """
-    rest = np.array([distance + RADIUS, 0.0]) - np.array([np.cos(angle), np.sin(angle)])
-    length = float(np.hypot(*rest))
+    displacement = np.array([distance + RADIUS, 0.0]) - np.array([np.cos(angle), np.sin(angle)])
+    length = float(np.hypot(*displacement))
     if not BENT < length < 2.0 - BENT:
         return None
-    direction, half_angle = np.arctan2(rest[1], rest[0]), np.arccos(length / 2)
+    direction, half_angle = np.arctan2(displacement[1], displacement[0]), np.arccos(length / 2)
     return np.array([angle, direction - side * half_angle - angle, side * 2 * half_angle])

@@ -116,7 +116,7 @@ def oracle_rows(loops: Sequence[CellLoop]) -> list[Row]:
                 if one.cell.blocked == blocked
             ]
             worst, where = max(errors)
-            lost = "LOSS: " if worst > goal else ""
+            prefix = "LOSS: " if worst > goal else ""
             rows.append(
                 Row(
                     table="beside the oracle, 3R, w of 0.5 and more",
@@ -126,7 +126,7 @@ def oracle_rows(loops: Sequence[CellLoop]) -> list[Row]:
                     ours=worst,
                     reference=goal,
                     source="goal",
-                    note=f"{lost}goal; worst of {len(errors)} cells: {where}",
+                    note=f"{prefix}goal; worst of {len(errors)} cells: {where}",
                 )
             )
     return rows

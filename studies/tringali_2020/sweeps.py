@@ -78,19 +78,19 @@ def sweep_rows(simulations: list[Simulation], trade_off: TradeOff, *, points: in
     rows, ours = [], share(trade_off.front.objectives)
     for name, equality in (("below", False), ("equal", True)):
         swept = sweep(task, starts, ends, levels=points // 2, equality=equality)
-        F, wanted = swept.objectives, 2 * swept.levels
+        F, count = swept.objectives, 2 * swept.levels
         dominated = len(F) - int(non_dominated(F / ranges, LEFT_OPEN).sum())
         rows.append(
             Row(
                 table=f"{TABLE}, {trade_off.masses} masses",
-                row=f"{wanted} evenly spaced ε, {name}",
+                row=f"{count} evenly spaced ε, {name}",
                 column="hypervolume",
                 unit="",
                 ours=share(F),
                 reference=ours,
                 source="ours",
                 note=f"{100 * (share(F) / ours - 1):+.2f} % beside our {len(trade_off.front)} points; "
-                f"{len(F)} of {wanted} solved, {dominated} of them dominated or repeated; {swept.seconds:.2f} s"
+                f"{len(F)} of {count} solved, {dominated} of them dominated or repeated; {swept.seconds:.2f} s"
                 + ("; Eqs. 21 and 22 as printed" if equality else ""),
             )
         )

@@ -22,16 +22,16 @@ def draw(folder: Path, trajectories: Sequence[Trajectory]) -> list[Path]:
     folder.mkdir(parents=True, exist_ok=True)
     drawn = []
     for masses in dict.fromkeys(one.masses for one in trajectories):
-        own = [one for one in trajectories if one.masses == masses]
+        series = [one for one in trajectories if one.masses == masses]
         drawn.append(folder / f"figure_03_{masses}.png")
         with drawing(drawn[-1], (8.0, 6.0)) as figure:
-            _energies(figure, own)
-        for one in own:
+            _energies(figure, series)
+        for one in series:
             for first, other in ((3, "LSV"), (8, "global")):
                 drawn.append(folder / f"figure_{first + one.number:02d}_{masses}.png")
                 with drawing(drawn[-1], (8.0, 9.0 if other == "LSV" else 6.4)) as figure:
                     _beside(figure, one, other, speeds=other == "LSV")
-            if one.number == max(each.number for each in own):
+            if one.number == max(each.number for each in series):
                 drawn.append(folder / f"figure_08_{masses}.png")
                 with drawing(drawn[-1], (6.0, 4.0)) as figure:
                     _radii(figure, one)

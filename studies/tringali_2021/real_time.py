@@ -105,12 +105,12 @@ def real_time_rows(*, rounds: int) -> list[Row]:
         difference = max(abs(a / b - 1) for a, b in zip(energies[solver], energies["ours"], strict=True))
         notes = [f"quartiles {1e3 * low:.2f} and {1e3 * high:.2f} ms, 99 % within {1e3 * last:.2f} ms"]
         if solver == "ours":
-            lost = "LOSS: " if middle > GOAL else ""
-            notes.append(f"{lost}goal {1e3 * GOAL:g} ms; {len(elapsed)} updates; the paper's in C and Matlab")
+            prefix = "LOSS: " if middle > GOAL else ""
+            notes.append(f"{prefix}goal {1e3 * GOAL:g} ms; {len(elapsed)} updates; the paper's in C and Matlab")
         else:
             goal = TIMES if "differences" in solver else None
-            lost = "LOSS: " if goal is not None and middle / ours < goal else ""
-            notes.append(f"{lost}{middle / ours:.1f} times ours" + (f", goal {goal:g}" if goal else ""))
+            prefix = "LOSS: " if goal is not None and middle / ours < goal else ""
+            notes.append(f"{prefix}{middle / ours:.1f} times ours" + (f", goal {goal:g}" if goal else ""))
             notes.append(f"energies {'the same' if difference < SAME else 'apart'}, within {difference:.1e}")
         rows.append(
             Row(

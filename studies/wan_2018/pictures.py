@@ -69,14 +69,14 @@ def draw(folder: Path, tables: Sequence[Resolved]) -> list[Path]:
 
 def _draw(file: Path, name: str, method: str, motion: ResolvedMotion, panels: Sequence[Panel]) -> None:
     number = name.partition("_quad")[0].replace("_0", "_").replace("_", " ").capitalize()
-    told = [value for (figure, event, _), value in paper().items() if figure == number and event in TIMES]
+    instants = [value for (figure, event, _), value in paper().items() if figure == number and event in TIMES]
     rows = (len(panels) + 1) // 2
     with drawing(file, (8.0, 2.1 * rows + 0.4)) as figure:
         grid = figure.subplots(rows, 2, sharex=True).ravel()
         for letter, axes, panel in zip("abcdefgh", grid, panels, strict=False):
             values = panel.values(motion)
             lines = axes.plot(motion.time[: len(values)], values, linewidth=1.0)
-            for event in told:
+            for event in instants:
                 axes.axvline(event, color=PAPER.quiet, linestyle=":", linewidth=0.8)
             axes.set_title(f"{letter}) {panel.label}")
             if panel in (POSITIONS, ERRORS):
@@ -86,4 +86,4 @@ def _draw(file: Path, name: str, method: str, motion: ResolvedMotion, panels: Se
         for axes in grid[len(panels) - 2 : len(panels)]:
             axes.tick_params(labelbottom=True)
             axes.set_xlabel("time [s]")
-        figure.suptitle(f"{number}, {method}" + ("; dotted: the times that the paper tells" if told else ""))
+        figure.suptitle(f"{number}, {method}" + ("; dotted: the times that the paper tells" if instants else ""))

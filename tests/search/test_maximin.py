@@ -156,6 +156,21 @@ def test_spacing_is_the_sum_of_distances_to_the_nearest_survivors_of_the_same_ra
         assert selection.spacing[place] == pytest.approx(expected, rel=1e-12)
 
 
+def test_who_survives_is_told_without_computing_a_spacing(monkeypatch):
+    F = np.random.default_rng(0).random((60, 2))
+    expected = survivors(F, np.zeros(60), 20)
+    assert expected.spacing.size == 20
+
+    def refused(*_):
+        raise AssertionError
+
+    monkeypatch.setattr("paretoik.search.maximin.neighbour_distances", refused)
+    selection = survivors(F, np.zeros(60), 20)
+    assert np.array_equal(selection.index, expected.index)
+    with pytest.raises(AssertionError):
+        selection.spacing  # noqa: B018  # read for the computation
+
+
 def test_spacing_does_not_depend_on_the_order_in_which_an_even_front_was_inserted():
     x = np.linspace(0.0, 1.0, 9)
     selection = survivors(np.column_stack((x, 1.0 - x)), np.zeros(9), 9)

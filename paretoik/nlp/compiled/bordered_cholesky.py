@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from paretoik.compilation import compiled
+from paretoik.nlp.compiled.dense_lu import substitute_lu
 
 PIVOT_TOLERANCE = 1e-14  # share of a diagonal entry that its pivot must keep
 
@@ -55,13 +56,7 @@ def solve(L, B, X, S, x):
             corner[e] = x[size + e]
             for i in range(size):
                 corner[e] -= X[e, i] * x[i]
-        for e in range(borders):
-            for b in range(e):
-                corner[e] -= S[e, b] * corner[b]
-        for e in range(borders - 1, -1, -1):
-            for b in range(e + 1, borders):
-                corner[e] -= S[e, b] * corner[b]
-            corner[e] /= S[e, e]
+        substitute_lu(S, borders, corner)
     _substitute(L, x)
     for e in range(borders):
         for i in range(size):

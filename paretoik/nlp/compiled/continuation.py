@@ -55,39 +55,39 @@ def correct(kernel, x, multipliers, weights, rows, upper, options):
     work = allocate_workspace(problem, x)
     point = add_auxiliary(problem, refer(work), x)
     model = allocate_model(problem, refer(work), x, len(weights))
-    y, used, changes, found = _correct(
+    y, corrections, changes, converged = _correct(
         problem, refer(work), refer(model), point, multipliers.copy(), weights, rows, upper, options
     )
     keep(work)
-    return remove_auxiliary(problem, point), y, model.objectives, used, changes, found
+    return remove_auxiliary(problem, point), y, model.objectives, corrections, changes, converged
 
 
 @compiled
 def _correct(kernel, work, model, x, y, weights, rows, upper, options):
     """Correct x in place; return the multipliers, corrections, changes, and whether the optimum was found."""
-    trial, dx, factors, changes, before = x.copy(), np.zeros(x.shape), np.zeros(len(weights)), 0, np.inf
+    trial, dx, factors, changes, last_length = x.copy(), np.zeros(x.shape), np.zeros(len(weights)), 0, np.inf
     if not to_first_order(kernel, work, x, model):
         return y, 0, changes, False
-    for used in range(options.corrections + 1):
+    for corrections in range(options.corrections + 1):
         _weigh(weights, rows, y, factors)
         lagrangian_hessian(kernel, work, factors, y[: len(model.c)], model)
-        many = options.predictions if used == 0 else 1
-        if many > 1:
+        predictions = options.predictions if corrections == 0 else 1
+        if predictions > 1:
             objective_hessians(kernel, work, model)
-        step, y, whole, more = _step(model, y, weights, rows, upper, many, options)
-        changes += more
-        length = _largest(step)
-        if not whole or not length <= options.contraction * before:
-            return y, used, changes, False
-        before = length
+        step, y, solved, changed = _step(model, y, weights, rows, upper, predictions, options)
+        changes += changed
+        step_length = _largest(step)
+        if not solved or not step_length <= options.contraction * last_length:
+            return y, corrections, changes, False
+        last_length = step_length
         far = not expand_step(kernel, work, step, dx) <= kernel.longest_step
         if far or not retract(kernel, work, x, dx, 1.0, trial):
-            return y, used, changes, False
+            return y, corrections, changes, False
         _copy(trial, x)
         if not to_first_order(kernel, work, x, model):
-            return y, used, changes, False
+            return y, corrections, changes, False
         if _is_optimal(kernel, work, model, y, weights, rows, upper, factors, options):
-            return y, used, changes, True
+            return y, corrections, changes, True
     return y, options.corrections, changes, False
 
 
@@ -117,35 +117,35 @@ def _weigh(weights, rows, y, factors):
 
 
 @compiled
-def _step(model, y, weights, rows, upper, many, options):
+def _step(model, y, weights, rows, upper, predictions, options):
     """Return the step to the optimum of the model, its multipliers, whether there is one, and changes.
 
-    The first of ``many`` steps of Newton's method is by the Hessian of the Lagrangian alone.
+    The first of so many ``predictions``, steps of Newton's method, is by the Hessian of the Lagrangian alone.
     """
     n, limits = model.gradients.shape[1], len(model.c)
-    step, changes, before = np.zeros(n), 0, y.copy()
+    step, changes, last_multipliers = np.zeros(n), 0, y.copy()
     gradients, values, gradient = model.gradients.copy(), np.zeros(limits + len(rows)), np.zeros(n)
     A, B, C = model.A[0].copy(), model.B[0].copy(), model.C[0].copy()
     weighed, initial = np.zeros(len(weights)), np.zeros(len(weights))
     _weigh(weights, rows, y, initial)
     dense = np.zeros((len(rows), n))
-    for attempt in range(many):
+    for attempt in range(predictions):
         _move_model(model, step, weights, rows, upper, initial, gradients, values, gradient)
         for e in range(len(rows)):
             for j in range(n):
                 dense[e, j] = 0.0
                 for k in range(len(weights)):
                     dense[e, j] -= rows[e, k] * gradients[k, j]
-        more, y, share, changed = solve_from(
+        increment, y, share, changed = solve_from(
             A, B, C, gradient, model.columns, model.entries, dense, values, y, options.qp
         )
         changes += changed
         if share < 1.0:
-            return step, (before if attempt else y), attempt > 0, changes
+            return step, (last_multipliers if attempt else y), attempt > 0, changes
         for j in range(n):
-            step[j] += more[j]
-        before = y
-        if attempt + 1 == many or norm(more) <= options.predicted * norm(step):
+            step[j] += increment[j]
+        last_multipliers = y
+        if attempt + 1 == predictions or norm(increment) <= options.predicted * norm(step):
             break
         _weigh(weights, rows, y, weighed)
         for i in range(A.shape[0]):

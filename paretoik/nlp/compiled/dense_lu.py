@@ -34,6 +34,12 @@ def solve_lu(factors, exchanges, count, x):
     for k in range(count):
         pivot = exchanges[k]
         x[k], x[pivot] = x[pivot], x[k]
+    substitute_lu(factors, count, x)
+
+
+@compiled
+def substitute_lu(factors, count, x):
+    """Overwrite the first entries of x with the solution where no rows were exchanged."""
     for i in range(count):
         for j in range(i):
             x[i] -= factors[i, j] * x[j]

@@ -6,9 +6,9 @@
 With gradient Aᵀy and no slack where y > 0 the step d = 0 and the multipliers y ≥ 0 are optimal. From these data to the
 true ones the optimum moves in straight pieces; where one ends a constraint is added or dropped. Near the answer there
 are few pieces. H has to be positive definite along the active constraints only: where dropping one would leave
-negative curvature, the optimum ends, and so does the way; where it is flat, the step is as short as it can be. Source:
-Best 1996, An algorithm for the solution of the parametric quadratic programming problem; Ferreau, Bock & Diehl 2008.
-The system of a piece is solved by the Schur complement of what is active (``working_set``).
+negative curvature, the optimum ends, and so does the homotopy; where it is flat, the step is as short as it can be.
+Source: Best 1996, An algorithm for the solution of the parametric quadratic programming problem; Ferreau, Bock & Diehl
+2008. The system of a piece is solved by the Schur complement of what is active (``working_set``).
 """
 
 from __future__ import annotations
@@ -27,12 +27,11 @@ from paretoik.nlp.compiled.working_set import (
     drop_constraint,
     factorise_working_set,
     is_definite_without,
-    response,
+    project_row,
+    regularise_without,
     solve_working_set,
     update_working_set,
 )
-
-MANY = 1 << 30  # changes: so many that the matrix is factorised anew
 
 
 class QpOptions(NamedTuple):
@@ -47,10 +46,10 @@ class QpOptions(NamedTuple):
     dependent: float = 1e-10  # share of a row that is not a combination of the active ones: what counts as none
     rate: float = 1e-13  # by which a slack or a multiplier falls: less is rounding
     lift: float = 1e-4  # of slacks at the beginning, each by another multiple of it from 1 to 2: ties would cycle
-    end: float = 1e-9  # of the way: what is as good as none of it
+    end: float = 1e-9  # of the homotopy: a remaining share that is as good as none
 
 
-class QpWay(NamedTuple):
+class QpHomotopy(NamedTuple):
     """Where the optimum is, how data change, and how it moves."""
 
     step: np.ndarray
@@ -65,7 +64,7 @@ class QpWay(NamedTuple):
 
 @compiled(what="the parametric quadratic program", seconds=5)
 def solve_from(A, B, C, gradient, columns, entries, dense, values, multipliers, options):
-    """Return (step, multipliers, share of the way that was gone, changes of the active set) of the optimum followed.
+    """Return (step, multipliers, share of the homotopy, changes of the active set) up to where the optimum is followed.
 
     H is [[A, Bᵀ], [B, C]], A banded (``bordered_cholesky``). Row i of the constraints has ``entries``[i] at
     ``columns``[i]; the ``dense`` ones follow. Those with positive ``multipliers``, the guess, have to be independent. A
@@ -75,13 +74,13 @@ def solve_from(A, B, C, gradient, columns, entries, dense, values, multipliers, 
     lengths = _divide_by_lengths(entries, dense, values)
     program = QuadraticProgram(A, B, C, gradient, columns, entries, dense, values)
     work = allocate_working_set(len(gradient), A.shape[1], len(C), len(values), options.updates)
-    way = _begin(refer(program), lengths, multipliers, scale, options)
-    share, changes = _follow(refer(program), refer(work), refer(way), scale, options)
+    homotopy = _begin(refer(program), lengths, multipliers, scale, options)
+    share, changes = _follow(refer(program), refer(work), refer(homotopy), scale, options)
     for i in range(len(values)):
-        way.multipliers[i] *= scale / lengths[i]
+        homotopy.multipliers[i] *= scale / lengths[i]
     keep(program)
     keep(work)
-    return way.step, way.multipliers, share, changes
+    return homotopy.step, homotopy.multipliers, share, changes
 
 
 @compiled
@@ -100,117 +99,118 @@ def _divide_by_lengths(entries, dense, values):
 
 @compiled
 def _begin(program, lengths, multipliers, scale, options):
-    """Return the way from the data that the guess is the answer to."""
+    """Return the homotopy from the data that the guess is the answer to."""
     n, count = len(program.gradient), len(lengths)
-    way = QpWay(
+    homotopy = QpHomotopy(
         np.zeros(n), np.zeros(count), np.zeros(count), np.zeros(n), np.zeros(count), np.zeros(n), np.zeros(count),
         np.zeros(count),
     )  # fmt: skip
     for j in range(n):
-        way.gradient_rate[j] = program.gradient[j] / scale
+        homotopy.gradient_rate[j] = program.gradient[j] / scale
     for i in range(count):
         if multipliers[i] > 0.0:
-            way.multipliers[i] = multipliers[i] * lengths[i] / scale
+            homotopy.multipliers[i] = multipliers[i] * lengths[i] / scale
         else:
             lift = 1.0 + i * (np.sqrt(5.0) - 1.0) / 2 % 1.0
-            way.slacks[i] = max(program.values[i], 0.0) + options.lift * lift
-        way.value_rate[i] = program.values[i] - way.slacks[i]
+            homotopy.slacks[i] = max(program.values[i], 0.0) + options.lift * lift
+        homotopy.value_rate[i] = program.values[i] - homotopy.slacks[i]
     for i in range(count):
-        if way.multipliers[i] > 0.0:
-            add_row(program, i, -way.multipliers[i], way.gradient_rate)
-    return way
+        if homotopy.multipliers[i] > 0.0:
+            add_row(program, i, -homotopy.multipliers[i], homotopy.gradient_rate)
+    return homotopy
 
 
 @compiled
-def _follow(program, work, way, scale, options):
-    """Follow the optimum to the end of the way, or to where it ends; return the share and the changes."""
+def _follow(program, work, homotopy, scale, options):
+    """Follow the optimum to the true data, or to where it ends; return the share of the homotopy and the changes."""
     share, changes = 0.0, 0
-    if not factorise_working_set(program, work, way.multipliers, True, scale):
+    for i in range(len(homotopy.multipliers)):
+        work.is_active[i] = homotopy.multipliers[i] > 0.0
+    if not factorise_working_set(program, work, scale):
         return share, changes
     while changes <= options.changes:
-        solve_working_set(program, work, way.gradient_rate, way.value_rate, way.step_rate, way.multiplier_rates)
-        _slack_rates(program, work, way)
-        length, row, dropped = _next_change(work, way, 1.0 - share, options)
-        _go(work, way, length)
+        solve_working_set(
+            program, work, homotopy.gradient_rate, homotopy.value_rate, homotopy.step_rate, homotopy.multiplier_rates
+        )
+        _slack_rates(program, work, homotopy)
+        length, row, dropped = _next_change(work, homotopy, 1.0 - share, options)
+        _advance(work, homotopy, length)
         share += length
         if row < 0 or share > 1.0 - options.end:
             return 1.0, changes
         changes += 1
-        if not (_drop(work, way, row) if dropped else _add(program, work, way, row, options)):
+        if not (_drop(work, homotopy, row) if dropped else _add(program, work, homotopy, row, options)):
             return share, changes
-        if not update_working_set(program, work, way.multipliers, options.updates, scale):
+        if not update_working_set(program, work, options.updates, scale):
             return share, changes
     return share, changes
 
 
 @compiled
-def _slack_rates(program, work, way):
-    for i in range(len(way.slacks)):
-        active = work.is_active[i]
-        way.slack_rates[i] = 0.0 if active else way.value_rate[i] + row_product(program, i, way.step_rate)
+def _slack_rates(program, work, homotopy):
+    for i in range(len(homotopy.slacks)):
+        homotopy.slack_rates[i] = 0.0
+        if not work.is_active[i]:
+            homotopy.slack_rates[i] = homotopy.value_rate[i] + row_product(program, i, homotopy.step_rate)
 
 
 @compiled
-def _next_change(work, way, left, options):
-    """Return how far the piece goes, the constraint at its end, −1 for the whole way, and if it is dropped."""
-    length, row, dropped = left, -1, False
-    for i in range(len(way.slacks)):
-        if not work.is_active[i] and way.slack_rates[i] < -options.rate:
-            reached = way.slacks[i] / -way.slack_rates[i]
-            if reached < length:
-                length, row, dropped = reached, i, False
-        elif work.is_active[i] and way.multiplier_rates[i] < -options.rate:
-            reached = max(way.multipliers[i], 0.0) / -way.multiplier_rates[i]
-            if reached < length:
-                length, row, dropped = reached, i, True
+def _next_change(work, homotopy, remaining, options):
+    """Return how far the piece goes, at most ``remaining``, the constraint that ends it or −1, and if it is dropped."""
+    length, row, dropped = remaining, -1, False
+    for i in range(len(homotopy.slacks)):
+        if not work.is_active[i] and homotopy.slack_rates[i] < -options.rate:
+            ratio = homotopy.slacks[i] / -homotopy.slack_rates[i]
+            if ratio < length:
+                length, row, dropped = ratio, i, False
+        elif work.is_active[i] and homotopy.multiplier_rates[i] < -options.rate:
+            ratio = max(homotopy.multipliers[i], 0.0) / -homotopy.multiplier_rates[i]
+            if ratio < length:
+                length, row, dropped = ratio, i, True
     return length, row, dropped
 
 
 @compiled
-def _go(work, way, length):
+def _advance(work, homotopy, length):
     """Move the optimum along its piece."""
-    for j in range(len(way.step)):
-        way.step[j] += length * way.step_rate[j]
-    for i in range(len(way.slacks)):
+    for j in range(len(homotopy.step)):
+        homotopy.step[j] += length * homotopy.step_rate[j]
+    for i in range(len(homotopy.slacks)):
         if work.is_active[i]:
-            way.multipliers[i] += length * way.multiplier_rates[i]
+            homotopy.multipliers[i] += length * homotopy.multiplier_rates[i]
         else:
-            way.slacks[i] = max(way.slacks[i] + length * way.slack_rates[i], 0.0)
+            homotopy.slacks[i] = max(homotopy.slacks[i] + length * homotopy.slack_rates[i], 0.0)
 
 
 @compiled
-def _drop(work, way, row):
+def _drop(work, homotopy, row):
     """Drop an active constraint; return whether the optimum may go on without."""
-    way.multipliers[row], way.slacks[row] = 0.0, 0.0
+    homotopy.multipliers[row], homotopy.slacks[row] = 0.0, 0.0
     if is_definite_without(work, row):
         drop_constraint(work, row)
         return True
-    if work.counts[3]:
-        return False
-    work.is_active[row], work.counts[3] = False, 1  # flat or negative: regularised it is definite, or it is not
-    work.counts[1] = MANY
-    return True
+    return regularise_without(work, row)  # flat or negative: regularised it is definite, or it is not
 
 
 @compiled
-def _add(program, work, way, row, options):
+def _add(program, work, homotopy, row, options):
     """Add a constraint, in place of one that it depends on if it does; return whether they can all hold."""
-    across = response(program, work, row, way.multiplier_rates)
-    way.slacks[row] = 0.0
-    if across <= options.dependent:
+    remainder = project_row(program, work, row, homotopy.multiplier_rates)
+    homotopy.slacks[row] = 0.0
+    if remainder <= options.dependent:
         leaving, length = -1, np.inf
-        for i in range(len(way.slacks)):
-            if work.is_active[i] and way.multiplier_rates[i] > np.sqrt(options.dependent):
-                reached = way.multipliers[i] / way.multiplier_rates[i]
-                if reached < length:
-                    leaving, length = i, reached
+        for i in range(len(homotopy.slacks)):
+            if work.is_active[i] and homotopy.multiplier_rates[i] > np.sqrt(options.dependent):
+                ratio = homotopy.multipliers[i] / homotopy.multiplier_rates[i]
+                if ratio < length:
+                    leaving, length = i, ratio
         if leaving < 0:
             return False
-        for i in range(len(way.slacks)):
+        for i in range(len(homotopy.slacks)):
             if work.is_active[i]:
-                way.multipliers[i] = max(way.multipliers[i] - length * way.multiplier_rates[i], 0.0)
-        way.multipliers[row], way.multipliers[leaving] = length, 0.0
-        way.slacks[leaving] = 0.0
+                homotopy.multipliers[i] = max(homotopy.multipliers[i] - length * homotopy.multiplier_rates[i], 0.0)
+        homotopy.multipliers[row], homotopy.multipliers[leaving] = length, 0.0
+        homotopy.slacks[leaving] = 0.0
         drop_constraint(work, leaving)
     add_constraint(program, work, row)
     return True

@@ -14,7 +14,7 @@ from paretoik.compilation import compiled
 from paretoik.nlp.compiled import kernel_steps as steps
 from paretoik.nlp.compiled.array_loops import add_scaled, clear, inner_product, norm
 from paretoik.nlp.compiled.kernel_steps import implement
-from paretoik.trajectory.compiled import kink_smoothing, peak_border, self_motion_steps
+from paretoik.trajectory.compiled import kink_smoothing, limit_rows, peak_border, self_motion_steps
 from paretoik.trajectory.compiled.motion_arrays import MotionKernel, allocate, sample_count
 
 
@@ -135,7 +135,7 @@ def reduced_gradient(kernel, work, weights, multipliers, out):
     """Write the gradient of weights · F − multipliers · c by the unknowns; leave that by q in the workspace."""
     clear(work.gradient_q)
     if len(multipliers):
-        _limit_gradient(kernel, work, multipliers)
+        limit_rows.limit_gradient(kernel, work, multipliers)
         self_motion_steps.add_transposed_stencil(
             work.gradient_u, kernel.ones, kernel.neighbours, kernel.coefficients, work.gradient_q
         )
@@ -144,24 +144,6 @@ def reduced_gradient(kernel, work, weights, multipliers, out):
             add_scaled(work.gradient_q, weights[total], work.objective_gradients[kernel.totals[total]])
     self_motion_steps.project_gradient(work.gradient_q, work.tangent, kernel.first_unknown, out)
     peak_border.peak_gradient(kernel, work, weights, multipliers, out)
-
-
-@compiled
-def _limit_gradient(kernel, work, multipliers):
-    """Write the gradient of −multipliers · c by u, and the multipliers of variables and rows in their own units."""
-    gradient_u, by_row, gradients = work.gradient_u, work.by_row, work.gradients
-    limited, factors = kernel.limited, kernel.factors
-    variables, samples = gradient_u.shape
-    clear(by_row)
-    for i in range(len(factors)):
-        by_row[limited[i, 0], limited[i, 1]] -= factors[i] * multipliers[i]
-    sums = len(work.objective_gradients)
-    for a in range(variables):
-        for s in range(samples):
-            gradient_u[a, s] = by_row[a, s]
-        for g in range(len(kernel.row_peaks)):
-            for s in range(samples):
-                gradient_u[a, s] += by_row[variables + g, s] * gradients[sums + g, a, s]
 
 
 @implement(steps.prepare_multipliers, MotionKernel)
@@ -196,10 +178,7 @@ def assemble(kernel, work, stiffness, A, B, C):
     local = np.zeros((variables, kernel.coefficients.shape[2] * work.tangent.shape[2]))
     phi, row, half = np.empty((variables, variables)), np.empty(variables), np.zeros(local.shape)
     run(kernel.curvature, work.inputs, work.seconds)
-    clear(work.by_row)
-    by_row, limited = work.by_row, kernel.limited
-    for i in range(len(limited)):
-        by_row[limited[i, 0], limited[i, 1]] += stiffness[i] * kernel.factors[i] ** 2
+    limit_rows.sum_stiffness(kernel, work, stiffness)
     for s in range(samples):
         _sample_hessian(kernel, work, s, row, phi)
         self_motion_steps.add_hessian(
@@ -278,27 +257,7 @@ def row_width(kernel, work):
 @implement(steps.constraint_rows, MotionKernel)
 def constraint_rows(kernel, work, columns, entries):
     """Write the rows of limits by the unknowns; there are no kinks and peaks."""
-    variables, instants = work.gradient_u.shape
-    limited, gradients, sums = kernel.limited, work.gradients, len(work.objective_gradients)
-    r, width = work.tangent.shape[2], entries.shape[1]
-    local = np.zeros((instants, variables, width))
-    for s in range(instants):
-        self_motion_steps.local_basis(s, kernel.neighbours, kernel.coefficients, work.tangent, local[s])
-    for i in range(len(limited)):
-        row, s, factor = limited[i, 0], limited[i, 1], kernel.factors[i]
-        for b in range(width):
-            first = kernel.first_unknown[kernel.neighbours[s, b // r]]
-            columns[i, b] = max(first + b % r, 0)
-            entries[i, b] = factor * local[s, row, b] if row < variables and first >= 0 else 0.0
-            if first < 0:
-                columns[i, b] = 0
-        if row >= variables:
-            for a in range(variables):
-                scaled = factor * gradients[sums + row - variables, a, s]
-                if scaled != 0.0:
-                    for b in range(width):
-                        if kernel.first_unknown[kernel.neighbours[s, b // r]] >= 0:
-                            entries[i, b] += scaled * local[s, a, b]
+    limit_rows.write_rows(kernel, work, columns, entries)
 
 
 @implement(steps.retract, MotionKernel)

@@ -141,10 +141,10 @@ def peer_tries(peer: JointProgram | StagedProgram, task: MotionTask, budget: flo
             tries.values.append(value)
             tries.seconds.append(seconds)
     process.join()
-    rest = budget - sum(tries.seconds)
-    if rest > 0:  # the last try did not end
+    remaining = budget - sum(tries.seconds)
+    if remaining > 0:  # the last try did not end
         tries.values.append(np.inf)
-        tries.seconds.append(rest)
+        tries.seconds.append(remaining)
     return tries
 
 

@@ -83,8 +83,8 @@ def problem_rows(each: Race) -> list[Row]:
 
 
 def _summary(row: str, unit: str, ours: float, goal: float, problems: int) -> Row:
-    lost = "" if ours >= goal else "LOSS: "
+    prefix = "" if ours >= goal else "LOSS: "
     return Row(
         table="summary", row=row, column="all", unit=unit, ours=float(ours), reference=float(goal), source="goal",
-        note=f"{lost}of {problems} problems",
+        note=f"{prefix}of {problems} problems",
     )  # fmt: skip

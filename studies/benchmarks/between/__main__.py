@@ -120,8 +120,8 @@ def table_rows(comparisons: Sequence[Comparison]) -> list[Row]:
         _row("all", "time, median", "times central", np.nanmedian(times), None),
     ]
     for each in sorted(comparisons, key=lambda each: -each.tightened.violation):
-        lost = "LOST; " if each.tightened.violation > GOAL else ""
-        note = f"{lost}reports {each.reported:.1e}; {each.tightened.where}"
+        prefix = "LOST; " if each.tightened.violation > GOAL else ""
+        note = f"{prefix}reports {each.reported:.1e}; {each.tightened.where}"
         rows += [
             _row(each.name, "tightened", "share of range", each.tightened.violation, GOAL, note),
             _row(each.name, "spline", "share of range", each.spline.violation, None, each.spline.where),

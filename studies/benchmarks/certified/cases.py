@@ -71,8 +71,8 @@ class Subject:
         return np.asarray(self.front.minimised)
 
     @property
-    def said(self) -> Certificates:
-        """What the front says of its points."""
+    def certificates(self) -> Certificates:
+        """What the front certifies of its points."""
         assert self.front.certificates is not None
         return self.front.certificates
 
@@ -164,7 +164,7 @@ def subject_of(case: Case, *, points: int, seed: int, folder: Path) -> Subject:
 
 def goal_row(table: str, row: str, column: str, unit: str, ours: float, goal: float, note: str = "") -> Row:
     """Return a row that is lost where ours is more than the goal, which stands beside it, or no number."""
-    lost = LOSS if not ours <= goal else ""
+    prefix = LOSS if not ours <= goal else ""
     return Row(
         table=table,
         row=row,
@@ -173,35 +173,35 @@ def goal_row(table: str, row: str, column: str, unit: str, ours: float, goal: fl
         ours=ours,
         reference=goal,
         source="goal",
-        note=lost + (note or "goal"),
+        note=prefix + (note or "goal"),
     )
 
 
 def certificate_rows(subject: Subject) -> list[Row]:
     """Return what the certificates say, the worst of all points."""
-    said, task, points = subject.said, subject.task, len(subject.q)
+    certificates, task, points = subject.certificates, subject.task, len(subject.q)
     table, row, share = subject.name, "certificates", "share of range"
-    counts = Counter(said.status.tolist())
+    counts = Counter(certificates.status.tolist())
     off = float(task.motion(subject.q).tracking_error.max())
-    at = int(said.violation_between.argmax())
+    at = int(certificates.violation_between.argmax())
     fine = task.resample(4 * (len(task.times) - 1) + 1)
     between = fine.motion(task.motion(subject.q[at]).at(fine.times))
     recomputed = recomputed_difference(task, subject.q, subject.values, subject.ranges)
-    weak = f"{np.count_nonzero(said.weak)} weak: an objective without weight"
+    weak = f"{np.count_nonzero(certificates.weak)} weak: an objective without weight"
     statuses = ", ".join(f"{count} {status}" for status, count in counts.most_common())
     return [
         Row(table=table, row=row, column="points", unit="", ours=points, note=weak),
-        goal_row(table, row, "worst violation at samples", share, float(said.violation.max()), HOLDS),
+        goal_row(table, row, "worst violation at samples", share, float(certificates.violation.max()), HOLDS),
         Row(
             table=table,
             row=row,
             column="worst violation between",
             unit=share,
-            ours=float(said.violation_between[at]),
+            ours=float(certificates.violation_between[at]),
             note=fine.describe_violation(between),
         ),
         goal_row(table, row, "values recomputed by Pinocchio", share, recomputed, RECOMPUTED),
         goal_row(table, row, "worst tracking error", "m, rad", off, TRACKED),
-        goal_row(table, row, "worst kkt_residual", share, float(said.kkt_residual.max()), CRITICAL),
+        goal_row(table, row, "worst kkt_residual", share, float(certificates.kkt_residual.max()), CRITICAL),
         goal_row(table, row, "not a minimum", "points", points - counts["minimum"], 0, statuses),
     ]

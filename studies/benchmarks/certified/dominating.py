@@ -93,7 +93,7 @@ def keeps_limits(subject: Subject, point: int, q: np.ndarray) -> bool:
         return False
     if task.differences != "spline":
         return True
-    return violation_between(task, q) <= subject.said.violation_between[point] + HOLDS
+    return violation_between(task, q) <= subject.certificates.violation_between[point] + HOLDS
 
 
 def perturbation_rows(subject: Subject, *, steps: int, seed: int) -> list[Row]:

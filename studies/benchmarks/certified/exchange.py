@@ -58,8 +58,8 @@ class RateComparison:
 
 def exchange_rows(subject: Subject) -> list[Row]:
     """Return how far rates are from differences, median and worst, and the same of intervals."""
-    wanted = list(pairs(subject))
-    comparisons = [one for one in (compare_rate(subject, *pair) for pair in wanted) if one is not None]
+    tried = list(pairs(subject))
+    comparisons = [one for one in (compare_rate(subject, *pair) for pair in tried) if one is not None]
     rows = []
     for kind, several in (
         ("rates", [one for one in comparisons if one.unique]),
@@ -70,22 +70,22 @@ def exchange_rows(subject: Subject) -> list[Row]:
         off = np.array([one.off for one in several])
         worst, names = several[int(off.argmax())], subject.front.names
         note = (
-            f"{len(several)} of {len(wanted)} pairs; worst {off.max():.1e}: ∂{names[worst.j]}/∂{names[worst.i]} at "
+            f"{len(several)} of {len(tried)} pairs; worst {off.max():.1e}: ∂{names[worst.j]}/∂{names[worst.i]} at "
             f"point {worst.point}, {worst.rate:.6g} beside {worst.backward:.6g} and {worst.forward:.6g}"
         )
         column = "median relative difference" if kind == "rates" else "worst way outside the interval"
         value = float(np.median(off) if kind == "rates" else off.max())
         rows.append(goal_row(subject.name, TABLE_ROW, column, "", value, AGREED, note))
-    lost = len(wanted) - len(comparisons)
-    if lost or not wanted:
+    missing = len(tried) - len(comparisons)
+    if missing or not tried:
         rows.append(
             Row(
                 table=subject.name,
                 row=TABLE_ROW,
                 column="not compared",
                 unit="pairs",
-                ours=lost,
-                note="no ε-solves that stay near" if wanted else "no point where two objectives count",
+                ours=missing,
+                note="no ε-solves that stay near" if tried else "no point where two objectives count",
             )
         )
     return rows
@@ -93,7 +93,9 @@ def exchange_rows(subject: Subject) -> list[Row]:
 
 def pairs(subject: Subject) -> Iterator[tuple[int, int, int]]:
     """Return (point, i, j) where both objectives count, i no more than j: its ceiling moves far for little of j."""
-    for point, (weights, status) in enumerate(zip(subject.said.weights, subject.said.status, strict=True)):
+    for point, (weights, status) in enumerate(
+        zip(subject.certificates.weights, subject.certificates.status, strict=True)
+    ):
         for i, j in permutations(range(len(weights)), 2):
             if status == "minimum" and WEIGHTY < weights[i] <= weights[j]:
                 yield point, i, j
@@ -105,7 +107,7 @@ def compare_rate(subject: Subject, point: int, i: int, j: int) -> RateComparison
     Further objectives stay below the point's own values. One of no great weight would be held from one side only: it is
     added to f_j instead, with its own weight, which leaves the rate as it is.
     """
-    weights, count, total = subject.said.weights[point], len(subject.ranges), len(subject.program.totals)
+    weights, count, total = subject.certificates.weights[point], len(subject.ranges), len(subject.program.totals)
     added = (weights <= WEIGHTY) | (np.arange(count) == j)
     factors, caps = np.zeros((1, total)), np.full((3, total), np.inf)
     factors[0, :count] = np.where(added, weights / weights[j], 0.0)
@@ -124,8 +126,8 @@ def compare_rate(subject: Subject, point: int, i: int, j: int) -> RateComparison
         point=point,
         i=i,
         j=j,
-        rate=float(subject.said.exchange_rates[point, i, j]),
-        interval=subject.said.exchange_intervals[point, i, j],
+        rate=float(subject.certificates.exchange_rates[point, i, j]),
+        interval=subject.certificates.exchange_intervals[point, i, j],
         backward=quotient(low, middle),
         forward=quotient(middle, high),
         central=quotient(low, high),

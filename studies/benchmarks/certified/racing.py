@@ -123,7 +123,7 @@ def _epsilon_problem(subject: Subject, point: int) -> tuple[int, np.ndarray, np.
     shares = subject.values / subject.ranges
     distances = np.linalg.norm(shares - shares[point], axis=1)
     distances[point] = np.inf
-    main = int(subject.said.weights[point].argmax())
+    main = int(subject.certificates.weights[point].argmax())
     ceilings = np.where(np.arange(len(subject.ranges)) == main, np.inf, subject.values[point])
     return main, subject.q[int(distances.argmin())], ceilings
 

@@ -178,11 +178,11 @@ def _written(
 
 
 def _options(equality: list[bool], *, warm: bool) -> dict[str, Any]:
-    own = {"tolerance": TOLERANCE, "max_iter": CAP, "print_level": 0, "mu_init": 1e-4 if warm else 1e-2}
+    solver = {"tolerance": TOLERANCE, "max_iter": CAP, "print_level": 0, "mu_init": 1e-4 if warm else 1e-2}
     if warm:
-        own |= {"bound_push": 1e-4, "bound_frac": 1e-4}
-    told = {"structure_detection": "auto", "equality": equality}
-    return {"print_time": False, "error_on_fail": False, "fatrop": own, **told}
+        solver |= {"bound_push": 1e-4, "bound_frac": 1e-4}
+    structure = {"structure_detection": "auto", "equality": equality}
+    return {"print_time": False, "error_on_fail": False, "fatrop": solver, **structure}
 
 
 def _dt(task: MotionTask) -> float:

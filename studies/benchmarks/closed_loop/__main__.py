@@ -65,8 +65,8 @@ def speed_rows(links: Links, rounds: int, slow_generations: int) -> list[Row]:
     for name, each in zip(contestants, taken.T, strict=True):
         ratios, goal = each / taken[:, 0], GOALS.get(name)
         ratio = float(np.median(ratios))
-        lost = "LOSS: " if goal is not None and ratio < goal else ""
-        times = f"{lost}{ratio:.0f} times ours" + (f", goal {goal:.0f}" if goal else "")
+        prefix = "LOSS: " if goal is not None and ratio < goal else ""
+        times = f"{prefix}{ratio:.0f} times ours" + (f", goal {goal:.0f}" if goal else "")
         rows.append(
             Row(
                 table="a generation, processor time",
@@ -94,7 +94,7 @@ def exact_rows(rounds: int) -> list[Row]:
                 follow()
                 seconds_taken.append((time.thread_time() - started) / (EXACT - 1))
             goal = GOAL_EXACT if links == 3 and not blocked else None
-            lost = "LOSS" if goal is not None and min(seconds_taken) > goal else ""
+            prefix = "LOSS" if goal is not None and min(seconds_taken) > goal else ""
             rows.append(
                 Row(
                     table="an exact step, processor time",
@@ -104,7 +104,7 @@ def exact_rows(rounds: int) -> list[Row]:
                     ours=1e6 * min(seconds_taken),
                     reference=None if goal is None else 1e6 * goal,
                     source="goal",
-                    note=lost,
+                    note=prefix,
                 )
             )
     return rows

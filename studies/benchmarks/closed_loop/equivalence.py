@@ -76,8 +76,8 @@ def volumes(
     union = union[is_nondominated(union)]
     low, width = np.minimum(union.min(axis=0), exact.min(axis=0)), np.ptp(union, axis=0)
     whole = _volume(exact, low, width)
-    found = [np.array([_volume(F, low, width) / whole for F in side]) for side in (ours, theirs)]
-    return found[0], found[1]
+    shares = [np.array([_volume(F, low, width) / whole for F in side]) for side in (ours, theirs)]
+    return shares[0], shares[1]
 
 
 def exact_front(loop: ClosedLoop, step: ControlStep) -> np.ndarray:

@@ -127,9 +127,9 @@ def dense_search(step: ControlStep, weights: np.ndarray, seed: int) -> np.ndarra
         for _ in range(ZOOMS):
             about = rng.normal(size=(KEPT, POINTS, links - 2)) * spread * np.linalg.norm(kept, axis=1)[:, None, None]
             y = np.concatenate([kept, (kept[:, None] + about).reshape(-1, links - 2)])
-            found = values(y)[:, k]
-            kept, spread = y[np.argsort(found)[:KEPT]], 0.4 * spread
-            best[k] = min(best[k], found.min())
+            errors = values(y)[:, k]
+            kept, spread = y[np.argsort(errors)[:KEPT]], 0.4 * spread
+            best[k] = min(best[k], errors.min())
     least: np.ndarray = best
     return least
 

@@ -40,7 +40,7 @@ QUICK_EVALUATIONS = 1200
 
 def rows_of(results: Found) -> list[Row]:
     """Judge all runs: of a case against the union of its fronts under all budgets, and what is stored of it."""
-    compared, added, left = [], [], []
+    compared, added, spent = [], [], []
     for case in dict.fromkeys(name for name, _ in results):
         fronts = [
             one.F for (name, _), runs in results.items() if name == case for each in runs.values() for one in each
@@ -55,8 +55,8 @@ def rows_of(results: Found) -> list[Row]:
                 scores = all_scores(runs, reference)
                 compared += comparisons(case, kind, scores)
                 added += effects(f"{case}, equal {kind}", scores)
-                left += left_rows(case, kind, runs, scores)
-    return [*comparison_rows(compared), *effect_rows(added), *left]
+                spent += left_rows(case, kind, runs, scores)
+    return [*comparison_rows(compared), *effect_rows(added), *spent]
 
 
 def tell_left_out(chosen: Sequence[str]) -> None:

@@ -51,26 +51,26 @@ def all_scores(runs: Mapping[str, Sequence[Run]], reference: Objectives) -> dict
     return {name: [scores(run.F, reference) for run in each] for name, each in runs.items()}
 
 
-def comparisons(case: str, kind: str, found: Scores) -> list[Comparison]:
+def comparisons(case: str, kind: str, scores: Scores) -> list[Comparison]:
     """Compare each of our methods with every peer; not yet corrected for their number."""
     mine = (OURS, PLAIN, EPSILON)
-    peers = [name for name in found if name not in (*CELLS, *mine)]
+    peers = [name for name in scores if name not in (*CELLS, *mine)]
     rows = []
-    for own in mine:
+    for method in mine:
         for peer, indicator in product(peers, MARGIN):
-            sides = [np.array([score[indicator] for score in found[name]]) for name in (own, peer)]
-            rows.append(compare(f"{case}, equal {kind}", indicator, f"{peer}: {own}", *sides))
+            sides = [np.array([score[indicator] for score in scores[name]]) for name in (method, peer)]
+            rows.append(compare(f"{case}, equal {kind}", indicator, f"{peer}: {method}", *sides))
     return rows
 
 
-def effects(case: str, found: Scores) -> list[Effect]:
+def effects(case: str, scores: Scores) -> list[Effect]:
     """Return main effects on all indicators and interactions on hypervolume, seeds as blocks."""
     chosen = [(k,) for k in range(3)]
     rows = []
     for indicator in MARGIN:
         better = 1.0 if indicator == "hypervolume" else -1.0
         both = [*combinations(range(3), 2), (0, 1, 2)] if indicator == "hypervolume" else []
-        table = np.array([[score[indicator] for score in found[name]] for name in CELLS]) * better
+        table = np.array([[score[indicator] for score in scores[name]] for name in CELLS]) * better
         for which in [*chosen, *both]:
             mean, low, high = effect(table, contrast(which))
             name = " × ".join(FACTORS[k] for k in which)
@@ -120,11 +120,11 @@ def effect_rows(every: Sequence[Effect]) -> list[Row]:
     ]
 
 
-def left_rows(case: str, kind: str, runs: Mapping[str, Sequence[Run]], found: Scores) -> list[Row]:
+def left_rows(case: str, kind: str, runs: Mapping[str, Sequence[Run]], scores: Scores) -> list[Row]:
     """Return what every method left and spent, cells included."""
     rows = []
     for name, each in runs.items():
-        volume = float(np.median([score["hypervolume"] for score in found[name]]))
+        volume = float(np.median([score["hypervolume"] for score in scores[name]]))
         middle = {
             what: np.median([getattr(run, what) for run in each]) for what in ("evaluations", "iterations", "seconds")
         }

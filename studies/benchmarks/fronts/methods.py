@@ -67,11 +67,11 @@ class Crowding(RankAndCrowding):  # type: ignore[misc]  # pymoo has no types
 
     def do(self, problem: Any, pop: Any, *args: Any, **options: Any) -> Any:
         """Return the survivors."""
-        kept = super().do(problem, pop, *args, **options)
-        for individual in kept:
+        survivors = super().do(problem, pop, *args, **options)
+        for individual in survivors:
             if individual.CV[0] > 0.0:
                 individual.data["rank"], individual.data["crowding"] = len(pop), 0.0
-        return kept
+        return survivors
 
 
 def cell_algorithm(cell: Cell, problem: pk.Tracking, first: Genes) -> Any:
@@ -119,9 +119,9 @@ class Refining:
     def __call__(self, progress: Progress) -> Genes | None:
         """Return genes to be evaluated next, or None."""
         before = self.account.seconds
-        found = self.improver(progress)
+        genes = self.improver(progress)
         self.seconds += self.account.seconds - before
-        return found
+        return genes
 
     def held_back(self, points: int) -> float:
         """Return what polishing so many points is expected to take, in the budget's unit."""
@@ -167,13 +167,13 @@ def refine_within(problem: pk.Tracking, q: np.ndarray, F: Objectives, account: A
     caps[:, 1:count] = F[:, 1:] / ranges[1:]
     made, counted = q.copy(), account.budget.kind == "evaluations"
     for rows in np.array_split(np.arange(len(q)), -(-len(q) // AT_ONCE)):
-        before, left = account.spent, account.left
-        found = minimise(program, q[rows], factors, caps[rows], REFINE.below)
-        total = np.cumsum(found.iterations)
-        paid = total <= left if counted else np.full(len(rows), account.left >= 0)
-        account.iterations += int(found.iterations[paid].sum()) if counted else int(total[-1])
-        good = found.converged & paid
-        made[rows[good]] = found.x[good]
+        before, remaining = account.spent, account.left
+        solutions = minimise(program, q[rows], factors, caps[rows], REFINE.below)
+        total = np.cumsum(solutions.iterations)
+        paid = total <= remaining if counted else np.full(len(rows), account.left >= 0)
+        account.iterations += int(solutions.iterations[paid].sum()) if counted else int(total[-1])
+        good = solutions.converged & paid
+        made[rows[good]] = solutions.x[good]
         if not paid.all() or (not counted and account.left < account.spent - before):  # the next would not fit
             break
     return made
@@ -206,8 +206,8 @@ class RecordingProblem:
     def batch_fitness(self, every: np.ndarray) -> np.ndarray:
         """Return those of many, one after the other, as pygmo passes them."""
         X = every.reshape(-1, self.problem.n_var)
-        found = self.problem.evaluate(X, return_as_dictionary=True)
-        F, G = np.asarray(found["F"], dtype=float), np.asarray(found["G"], dtype=float)
+        values = self.problem.evaluate(X, return_as_dictionary=True)
+        F, G = np.asarray(values["F"], dtype=float), np.asarray(values["G"], dtype=float)
         ids = np.arange(self.account.evaluations, self.account.evaluations + len(X))
         self.archive.add(ids, X.copy(), F, G, 0)
         self.account.evaluations += len(X)

@@ -168,11 +168,11 @@ def _written(task: MotionTask) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
 
 def solver_options(*, warm: bool) -> dict[str, Any]:
     """Return IPOPT's settings from a motion near by, ``warm``, or from any."""
-    own = {"print_level": 0, "sb": "yes", "tol": TOLERANCE, "constr_viol_tol": 1e-9, "max_iter": CAP}
-    own |= {"bound_relax_factor": 0.0, "mu_init": 1e-4 if warm else 1e-2}
+    settings = {"print_level": 0, "sb": "yes", "tol": TOLERANCE, "constr_viol_tol": 1e-9, "max_iter": CAP}
+    settings |= {"bound_relax_factor": 0.0, "mu_init": 1e-4 if warm else 1e-2}
     if warm:
-        own |= dict.fromkeys(("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac"), WARM_PUSH)
-    return {"print_time": False, "error_on_fail": False, "ipopt": own}
+        settings |= dict.fromkeys(("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac"), WARM_PUSH)
+    return {"print_time": False, "error_on_fail": False, "ipopt": settings}
 
 
 def _stage(task: MotionTask, reach: int, dt: float) -> tuple[Any, np.ndarray, np.ndarray]:
@@ -203,9 +203,9 @@ def at_sample(task: MotionTask, q: Any, rate: Any, acceleration: Any, slack: Any
         "joint_limit_distance": lambda: casadi.sumsqr(ratio) / (2 * arm.dof) / float(task.times[-1] - task.times[0]),
     }
     given = {"velocity": rate, "torque": torque, "power": torque * rate}
-    kept = _limited_kinds(task)
+    kinds = _limited_kinds(task)
     shares: Any = vertcat(*(SX(0) if each.form == "peak" else worth[each.name]() for each in task.objectives))
-    rows = [given[kind] for kind in kept]
+    rows = [given[kind] for kind in kinds]
     if slacks(task):
         rows += [slack - given["power"], slack + given["power"]]
     for i, objective in enumerate(peaks(task)):
@@ -234,15 +234,15 @@ def pose_function(task: MotionTask) -> Any:
     """Return a function of a posture and what is wanted there: how far the tool is off."""
     (only,) = task.tasks
     q: Any = SX.sym("q", task.arm.dof)
-    wanted: Any = SX.sym("wanted", task.targets.shape[1])
+    target: Any = SX.sym("target", task.targets.shape[1])
     joints: Any = casadi.vertsplit(q)
     rotation, position = frame_components(task.arm, link_frames(task.arm, joints), task.arm.frame(only.frame))
     size = only.position_rows
-    off: Any = vertcat(*position[:size]) - wanted[:size]
-    if wanted.numel() > size:
-        turned: Any = casadi.reshape(wanted[size:], 3, 3) @ vertcat(*(casadi.horzcat(*row) for row in rotation))
+    off: Any = vertcat(*position[:size]) - target[:size]
+    if target.numel() > size:
+        turned: Any = casadi.reshape(target[size:], 3, 3) @ vertcat(*(casadi.horzcat(*row) for row in rotation))
         if only.axes == "xyz+z-axis":
             off = vertcat(off, turned[0, 2], turned[1, 2])
         else:
             off = vertcat(off, turned[2, 1] - turned[1, 2], turned[0, 2] - turned[2, 0], turned[1, 0] - turned[0, 1])
-    return casadi.Function("pose", [q, wanted], [off])
+    return casadi.Function("pose", [q, target], [off])

@@ -76,10 +76,10 @@ def run_all(
             }
 
         every = run_seeds(pool, run, arguments, seeds, limit=LIMIT, empty=lambda key: empty_run(key[0]))
-    found: Found = {}
+    results: Found = {}
     for (case, name, kind), runs in every.items():
-        found.setdefault((case, kind), {})[name] = runs
-    return found
+        results.setdefault((case, kind), {})[name] = runs
+    return results
 
 
 def empty_run(case: str) -> Run:
@@ -95,9 +95,9 @@ def _forms(pool: ProcessPool, chosen: Sequence[str], folder: Path | None) -> dic
         for name in methods_of(case)
         if name in SOLVERS
     }
-    found = {which: _done(work, f"building {which[1]} for {which[0]}") for which, work in asked.items()}
+    forms = {which: _done(work, f"building {which[1]} for {which[0]}") for which, work in asked.items()}
     tell("peers: built")
-    return found
+    return forms
 
 
 def _done(work: Future[Result], what: str) -> Result:
@@ -109,10 +109,10 @@ def _done(work: Future[Result], what: str) -> Result:
 
 def _budgets(pool: ProcessPool, case: str, evaluations: int, kinds: Sequence[Kind]) -> dict[Kind, Budget]:
     same = Budget(kind="evaluations", amount=evaluations)
-    found: dict[Kind, Budget] = {"evaluations": same}
+    budgets: dict[Kind, Budget] = {"evaluations": same}
     if "CPU time" in kinds:
         works = [pool.schedule(run, args=[case, PYMOO[0], seed, same, evaluations]) for seed in range(3)]
         taken = [_done(work, f"{PYMOO[0]} on {case}").seconds for work in works]
-        found["CPU time"] = Budget(kind="CPU time", amount=float(np.median(taken)))
-        tell(f"{case}: {evaluations} evaluations, {found['CPU time'].amount:.2f} s")
-    return found
+        budgets["CPU time"] = Budget(kind="CPU time", amount=float(np.median(taken)))
+        tell(f"{case}: {evaluations} evaluations, {budgets['CPU time'].amount:.2f} s")
+    return budgets

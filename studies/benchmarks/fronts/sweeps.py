@@ -45,7 +45,7 @@ class Sweep:
     solve: Solve
     account: Account
     problem: pk.Tracking
-    found: list[np.ndarray]
+    motions: list[np.ndarray]
     F: np.ndarray
 
     def tried(self, q: np.ndarray, main: int, ceilings: np.ndarray | None = None, *, warm: bool = False) -> bool:
@@ -59,7 +59,7 @@ class Sweep:
             return False
         if made is not None:
             motion = task.motion(made)
-            self.found.append(made)
+            self.motions.append(made)
             self.F = np.concatenate([self.F, [[float(o(motion)) * o.sign for o in task.objectives]]])
         return True
 
@@ -97,7 +97,7 @@ def epsilon_run(problem: pk.Tracking, seed: int, budget: Budget, form: Form | No
     solve = make(np.maximum(np.abs(np.median(values, axis=0)), 1e-9))
     sweep = Sweep(solve, account, problem, [], np.empty((0, problem.n_obj)))
     _sweep(sweep, itertools.cycle(starts[order]))
-    return verify(problem, np.array(sweep.found).reshape(-1, *starts.shape[1:]), account)
+    return verify(problem, np.array(sweep.motions).reshape(-1, *starts.shape[1:]), account)
 
 
 def our_solver(problem: pk.Tracking) -> Callable[[np.ndarray], Solve]:
@@ -169,7 +169,7 @@ def _sweep(sweep: Sweep, starts: Iterator[np.ndarray]) -> None:
         ceilings = np.concatenate([[np.inf], ideal[1:] + share * (worst - ideal)[1:]])
         beyond = np.abs(sweep.F[:, 1:] - ceilings[1:]) / np.maximum(worst - ideal, 1e-12)[1:]
         for row in np.argsort(beyond.max(axis=1), kind="stable")[:NEAREST].tolist():
-            if not sweep.tried(sweep.found[row], 0, ceilings, warm=True):
+            if not sweep.tried(sweep.motions[row], 0, ceilings, warm=True):
                 return
         if not sweep.tried(next(starts), 0, ceilings):
             return

@@ -29,9 +29,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from studies.benchmarks.maximin.cases import BIOBJECTIVE, COCO, Case, cases
+from studies.benchmarks.maximin.interleaved_runs import run_all
 from studies.benchmarks.maximin.judging import comparison_rows, cost_rows, goal_rows, judge
 from studies.benchmarks.maximin.methods import CROWDING, HYPERVOLUME, LEFT_OUT
-from studies.benchmarks.maximin.running import run_all
 from studies.reporting import report, study_parser
 
 QUICK = {"ZDT1": 50, "ZDT5": 50, "DTLZ2-3": 40, "MW3": 50, "steep tail": 50}
@@ -45,8 +45,8 @@ def choose_cases(names: Sequence[str], *, quick: bool) -> list[Case]:
     if unknown:
         wish = f"some of {', '.join(families)}, or of their problems' names such as {next(iter(every))}"
         raise SystemExit(f"--problems: {wish} wanted, got {', '.join(unknown)}")
-    wanted = set(names or (QUICK if quick else every))
-    chosen = [case for case in every.values() if {case.name, case.family} & wanted]
+    selected = set(names or (QUICK if quick else every))
+    chosen = [case for case in every.values() if {case.name, case.family} & selected]
     return [replace(case, generations=QUICK.get(case.name, 50)) for case in chosen] if quick else chosen
 
 

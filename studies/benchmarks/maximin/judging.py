@@ -11,9 +11,9 @@ import numpy as np
 
 from paretoik.arrays import Objectives
 from studies.benchmarks.maximin.cases import Case
+from studies.benchmarks.maximin.interleaved_runs import Runs, evaluations
 from studies.benchmarks.maximin.methods import BOXED, CROWDING, HYPERVOLUME, ONE_LINE, OURS, methods_of
-from studies.benchmarks.maximin.run import Run
-from studies.benchmarks.maximin.running import Runs, evaluations
+from studies.benchmarks.maximin.single_run import Run
 from studies.benchmarks.significance import (
     MARGIN,
     Comparison,
@@ -92,44 +92,46 @@ def comparison_rows(judged: Judged) -> list[Row]:
 def goal_rows(judged: Judged, chosen: Sequence[Case]) -> list[Row]:
     """Return what we want of each of ours, and whether it is so."""
     return [
-        row for own in judged.comparisons for row in (_never_behind(judged, own), *_ahead_in_time(judged, own, chosen))
+        row
+        for method in judged.comparisons
+        for row in (_never_behind(judged, method), *_ahead_in_time(judged, method, chosen))
     ]
 
 
-def _never_behind(judged: Judged, own: str) -> Row:
+def _never_behind(judged: Judged, method: str) -> Row:
     """No significant loss to crowding anywhere, in no indicator."""
-    beside = [one for one in judged.comparisons[own] if one.peer == CROWDING]
-    losses = [one for one in beside if one.verdict.startswith("loss")]
-    won, undecided = (sum(one.verdict.startswith(word) for one in beside) for word in ("win", "undecided"))
-    note = f"of {len(beside)} comparisons {won} won, {undecided} undecided"
+    comparisons = [one for one in judged.comparisons[method] if one.peer == CROWDING]
+    losses = [one for one in comparisons if one.verdict.startswith("loss")]
+    won, undecided = (sum(one.verdict.startswith(word) for one in comparisons) for word in ("win", "undecided"))
+    note = f"of {len(comparisons)} comparisons {won} won, {undecided} undecided"
     note += "".join(f"; {one.problem} {one.indicator}: {one.verdict}" for one in losses)
-    verdict = "NOT MET" if losses else "met" if undecided < len(beside) else "UNDECIDED"  # by too few seeds
-    return _goal(own, f"significant losses to {CROWDING}", len(losses), 0, f"{verdict}: {note}")
+    verdict = "NOT MET" if losses else "met" if undecided < len(comparisons) else "UNDECIDED"  # by too few seeds
+    return _goal(method, f"significant losses to {CROWDING}", len(losses), 0, f"{verdict}: {note}")
 
 
-def _ahead_in_time(judged: Judged, own: str, chosen: Sequence[Case]) -> list[Row]:
+def _ahead_in_time(judged: Judged, method: str, chosen: Sequence[Case]) -> list[Row]:
     """Ahead in median hypervolume on at least half of the problems with two objectives, at no more time."""
     names = {case.name for case in chosen if case.n_obj == 2}
-    beside = [
+    comparisons = [
         one
-        for one in judged.comparisons[own]
+        for one in judged.comparisons[method]
         if one.peer == HYPERVOLUME and one.indicator == "hypervolume" and one.problem in names
     ]
-    if not beside:
+    if not comparisons:
         return []
-    times = [judged.seconds[one.problem, own] / judged.seconds[one.problem, HYPERVOLUME] for one in beside]
-    ahead = [one.ours > one.theirs and ratio <= 1.0 for one, ratio in zip(beside, times, strict=True)]
-    won, lost = (sum(one.verdict.startswith(word) for one in beside) for word in ("win", "loss"))
+    times = [judged.seconds[one.problem, method] / judged.seconds[one.problem, HYPERVOLUME] for one in comparisons]
+    ahead = [one.ours > one.theirs and ratio <= 1.0 for one, ratio in zip(comparisons, times, strict=True)]
+    wins, losses = (sum(one.verdict.startswith(word) for one in comparisons) for word in ("win", "loss"))
     share = float(np.mean(ahead))
     note = f"{'met' if share >= SHARE else 'NOT MET'}: {sum(ahead)} of {len(ahead)}"
-    note += f"; significantly ahead in {won}, behind in {lost}"
+    note += f"; significantly ahead in {wins}, behind in {losses}"
     note += f"; {min(times):.2f} to {max(times):.2f} of its time, median {np.median(times):.2f}"
     what = f"share of two-objective problems ahead of {HYPERVOLUME} in hypervolume at no more time"
-    return [_goal(own, what, share, SHARE, note)]
+    return [_goal(method, what, share, SHARE, note)]
 
 
-def _goal(own: str, what: str, ours: float, goal: float, note: str) -> Row:
-    return Row(table=GOALS, row=own, column=what, unit="", ours=ours, reference=goal, source="goal", note=note)
+def _goal(method: str, what: str, ours: float, goal: float, note: str) -> Row:
+    return Row(table=GOALS, row=method, column=what, unit="", ours=ours, reference=goal, source="goal", note=note)
 
 
 def cost_rows(judged: Judged, chosen: Sequence[Case]) -> list[Row]:

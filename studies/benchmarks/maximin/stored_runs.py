@@ -11,7 +11,7 @@ import pymoo
 
 import paretoik.search
 from studies.benchmarks.maximin.methods import BOXED, ONE_LINE, OURS
-from studies.benchmarks.maximin.run import Run
+from studies.benchmarks.maximin.single_run import Run
 
 
 def stored_run(folder: Path, case_name: str, name: str, seed: int, generations: int) -> Path:

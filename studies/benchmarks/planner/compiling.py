@@ -49,10 +49,10 @@ def blockwise(program: Program, like: Any) -> Any:
         total, row = run.stage(z, q)
         H = casadi.hessian(casadi.dot(t, total) + casadi.dot(m, row), z)[0]
         block = casadi.Function("block", [z, q, t, m], [H])
-        own = casadi.reshape(multipliers[begin : begin + run.lower.size], *run.lower.shape)
+        run_multipliers = casadi.reshape(multipliers[begin : begin + run.lower.size], *run.lower.shape)
         begin += run.lower.size
         every = [casadi.repmat(v, 1, run.count) for v in (p, shared)]
-        elements.append(block.map(run.count)(_gathered(x, run), *every, own).nz[:])
+        elements.append(block.map(run.count)(_gathered(x, run), *every, run_multipliers).nz[:])
         i, j = (np.array(side, dtype=int) for side in H.sparsity().get_triplet())
         row_at.append(run.places.T[:, i].ravel())
         column_at.append(run.places.T[:, j].ravel())

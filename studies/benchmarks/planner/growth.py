@@ -71,8 +71,8 @@ def _one(name: str, *, seed: int, repeats: int, samples: Sequence[int]) -> list[
         ("exponent of an iteration's seconds", np.array(seconds) / np.array(iterations), NEAR_LINEAR),
     ):
         slopes = np.polyfit(np.log(samples), np.log(values), 1)[0]
-        lost = goal is not None and slopes[0] > goal
-        said = "" if goal is None else f"{'LOSS: ' if lost else ''}goal {goal:g}"
+        is_loss = goal is not None and slopes[0] > goal
+        goal_note = "" if goal is None else f"{'LOSS: ' if is_loss else ''}goal {goal:g}"
         rows.append(
             Row(
                 table=TABLE,
@@ -82,7 +82,7 @@ def _one(name: str, *, seed: int, repeats: int, samples: Sequence[int]) -> list[
                 ours=float(slopes[0]),
                 reference=float(slopes[1]),
                 source="FATROP",
-                note=said,
+                note=goal_note,
             )
         )
     return rows

@@ -26,12 +26,12 @@ COUNTED = "simulation_1"
 
 
 def optima(
-    row: str, task: MotionTask, plan: Plan, found: Mapping[Question, Sequence[Solved]], masses: str
+    row: str, task: MotionTask, plan: Plan, solves: Mapping[Question, Sequence[Solved]], masses: str
 ) -> list[Row]:
     """Return the best objectives, the optima of one basin side by side, and how many there are."""
     rows = []
     program, factors = motion_program(task, np.array([plan.best.objective])), np.ones((1, 1))
-    for question, each in found.items():
+    for question, each in solves.items():
         label = LABELS[question.solver]
         ended = distinct(task, [s for s in each if s.solved])
         theirs = [s for s in ended if np.abs(np.diff(s.q, axis=0)).max() <= STARTS.longest_jump]
@@ -69,7 +69,7 @@ def optima(
                 note=(LOSS if worst > AGREED else "") + f"goal {AGREED:g}; {len(gaps)} of {len(basins)} ended in one",
             )
         )
-        lost, jumps = len(plan.optima) < len(theirs) and row.startswith(COUNTED), len(ended) - len(theirs)
+        is_loss, jumps = len(plan.optima) < len(theirs) and row.startswith(COUNTED), len(ended) - len(theirs)
         left_out = (
             f"{jumps} of theirs left out: a joint jumps by more than {STARTS.longest_jump} rad between samples"
             if jumps
@@ -84,7 +84,7 @@ def optima(
                 ours=len(plan.optima),
                 reference=len(theirs),
                 source=label,
-                note=f"{LOSS if lost else ''}goal: no fewer; {left_out}" if row.startswith(COUNTED) else left_out,
+                note=f"{LOSS if is_loss else ''}goal: no fewer; {left_out}" if row.startswith(COUNTED) else left_out,
             )
         )
     return rows

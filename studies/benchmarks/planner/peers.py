@@ -117,15 +117,15 @@ class Peer:
         bounds = {**self.lower, "ubx": casadi.DM(upper), "ubg": casadi.DM(upper_rows)}
         p = casadi.DM(inertia(masses))
         started, cpu = time.perf_counter(), time.process_time()
-        found = self.solver(x0=x0, p=p, **bounds)
+        solution = self.solver(x0=x0, p=p, **bounds)
         seconds, cpu = time.perf_counter() - started, time.process_time() - cpu
         stats = self.solver.stats()
-        motion = np.asarray(found["x"]).ravel()[program.joints_at]
+        motion = np.asarray(solution["x"]).ravel()[program.joints_at]
         if len(motion) < len(q):
             motion = np.concatenate([motion, motion[:1]])
         return Solved(
             q=motion,
-            value=float(found["f"]),
+            value=float(solution["f"]),
             solved=bool(stats["success"]),
             seconds=seconds,
             cpu=cpu,

@@ -77,7 +77,7 @@ def forms(cores: Cores, name: str, effort: Effort, folder: Path) -> list[PeerFor
     """Return FATROP and IPOPT, evaluated and compiled, each with the first barrier that serves it best."""
     task = tracking(name).task
     starts = _fine_starts(task, initial_motions(task, starts=effort.starts, seed=effort.seed))
-    found = []
+    peer_forms = []
     for solver, label in LABELS.items():
         fine = Question(solver=solver, problem=name, samples=SAMPLES)
         kinds = {label: ((fine, 0.0), (replace(fine, samples=COARSE), 0.0))}
@@ -88,10 +88,10 @@ def forms(cores: Cores, name: str, effort: Effort, folder: Path) -> list[PeerFor
         tries = {settings: cores.solve(quickest, settings, "printed", starts) for settings in BEGINNINGS}
         settings = serving(tries)
         for form, ((question, seconds), (coarse, _)) in kinds.items():
-            found.append(
+            peer_forms.append(
                 PeerForm(name=form, label=label, fine=question, coarse=coarse, settings=settings, compilation=seconds)
             )
-    return found
+    return peer_forms
 
 
 def serving(tries: Mapping[Settings, Sequence[Solved]]) -> Settings:
@@ -121,31 +121,31 @@ def compare_simulation(
     for one in peers:
         cores.built(one.fine, one.settings, starts, masses)
         cores.built(one.coarse, one.settings, q, masses)
-    plans, found = list[tuple[Plan, float, float]](), {one.name: list[list[Solved]]() for one in peers}
+    plans, solves = list[tuple[Plan, float, float]](), {one.name: list[list[Solved]]() for one in peers}
     for _ in range(effort.repeats):
         plans.append(timed(lambda: pk.plan(problem, starts=effort.starts, seed=effort.seed)))
         for one in peers:
-            found[one.name].append(cores.solve(one.fine, one.settings, masses, starts))
+            solves[one.name].append(cores.solve(one.fine, one.settings, masses, starts))
     plan = plans[0][0]
     seconds, cpu = (float(np.median([taken[i] for taken in plans])) for i in (1, 2))
-    values = [s.value for each in found.values() for s in each[0] if s.solved]
+    values = [s.value for each in solves.values() for s in each[0] if s.solved]
     best = min([plan.best.objective, *values])
     missed = plan.best.objective > best * (1 + SAME)
     ours, cpu = (np.inf, np.inf) if missed else (seconds, cpu)
-    theirs = {form: float(np.median([expected_time(each, best) for each in tries])) for form, tries in found.items()}
+    theirs = {form: float(np.median([expected_time(each, best) for each in tries])) for form, tries in solves.items()}
     rows = []
     for one in peers:
-        first = found[one.name][0]
+        first = solves[one.name][0]
         hits, solved = _hits(first, best), sum(s.solved for s in first)
-        burnt = np.median([sum(s.cpu for s in each) for each in found[one.name]])
-        own = dict(one.settings)
+        burnt = np.median([sum(s.cpu for s in each) for each in solves[one.name]])
+        settings = dict(one.settings)
         note = (
             f"processor time {cpu * hits / burnt:.3g}; hit {hits} of {len(first)}, {solved} converged; first barrier "
-            f"{own['mu_init']:g}, {own['max_iter']:g} iterations at most"
+            f"{settings['mu_init']:g}, {settings['max_iter']:g} iterations at most"
             + (f"; compiled in {one.compilation:.2g} s" if one.compilation else "")
         )
         rows.append(_time(row, f"to the best optimum, {one.name}", ours, theirs[one.name], None, note))
-    rows += optima(row, task, plan, {one.fine: found[one.name][0] for one in quickest(peers)}, masses)
+    rows += optima(row, task, plan, {one.fine: solves[one.name][0] for one in quickest(peers)}, masses)
     rows.append(oracle(row, task, plan))
     rows += _coarse(cores, row, task, q, peers, masses, effort.repeats)
     rows += _warm(row, task, plan, peers, masses)
@@ -181,14 +181,14 @@ def _fine_starts(task: MotionTask, q: np.ndarray) -> np.ndarray:
     return np.asarray(task.subsample(q.shape[1]).motion(q).at(task.times))
 
 
-def _hits(found: Sequence[Solved], best: float) -> int:
-    return sum(one.solved and one.value <= best * (1 + SAME) for one in found)
+def _hits(solves: Sequence[Solved], best: float) -> int:
+    return sum(one.solved and one.value <= best * (1 + SAME) for one in solves)
 
 
-def expected_time(found: Sequence[Solved], best: float) -> float:
+def expected_time(solves: Sequence[Solved], best: float) -> float:
     """Return the seconds that independent starts on all cores are expected to take to the best optimum."""
-    hits = _hits(found, best)
-    return sum(one.seconds for one in found) / CORES / hits if hits else np.inf
+    hits = _hits(solves, best)
+    return sum(one.seconds for one in solves) / CORES / hits if hits else np.inf
 
 
 def _coarse(
@@ -197,14 +197,14 @@ def _coarse(
     """Return what all starts take at coarse samples."""
     program, factors = motion_program(task.subsample(COARSE), objective_scales(task, q)), np.ones((1, 1))
     rules = [OPTIONS.cold[i % len(OPTIONS.cold)] for i in range(len(q))]
-    taken, found = list[float](), {one.name: list[list[Solved]]() for one in peers}
+    taken, solves = list[float](), {one.name: list[list[Solved]]() for one in peers}
     for _ in range(repeats):
         ours, seconds, _ = timed(lambda: minimise(program, q, factors, options=rules))
         taken.append(seconds)
         for one in peers:
-            found[one.name].append(cores.solve(one.coarse, one.settings, masses, q))
+            solves[one.name].append(cores.solve(one.coarse, one.settings, masses, q))
     rows = []
-    for form, tries in found.items():
+    for form, tries in solves.items():
         theirs = float(np.median([sum(s.seconds for s in each) for each in tries])) / CORES
         note = f"converged {int(ours.converged.sum())} and {sum(s.solved for s in tries[0])}"
         goal = 1.0 if form == LABELS["fatrop"] else None

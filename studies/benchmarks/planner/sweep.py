@@ -95,8 +95,8 @@ def questions(solver: str) -> Questions:
 
 def libraries(cores: Cores, asked: Questions, folder: Path) -> Questions:
     """Return the questions, compiled."""
-    found = [one for one, _ in cores.compiled([*asked.coarse, *asked.fine, asked.capped], folder)]
-    return Questions(coarse=(found[0], found[1]), fine=(found[2], found[3]), capped=found[4])
+    compiled = [one for one, _ in cores.compiled([*asked.coarse, *asked.fine, asked.capped], folder)]
+    return Questions(coarse=(compiled[0], compiled[1]), fine=(compiled[2], compiled[3]), capped=compiled[4])
 
 
 def sweeps(cores: Cores, folder: Path, effort: Effort, *, quick: bool) -> list[Row]:
@@ -106,16 +106,16 @@ def sweeps(cores: Cores, folder: Path, effort: Effort, *, quick: bool) -> list[R
     starts = initial_motions(problem.task, starts=effort.starts, seed=effort.seed)
     tell("front: ours")
     pk.epsilon_front(problem, points=3, starts=2)  # compiles
-    wanted = _ours(problem, points, effort).volume
+    volume = _ours(problem, points, effort).volume
     asked = dict[str, Questions]()
     for solver, label in list(LABELS.items())[: 1 if quick else None]:
-        own = questions(solver)
-        asked |= {label: own} if not (COMPILER and quick) else {}
-        asked |= {f"{label} compiled": libraries(cores, own, folder)} if COMPILER else {}
+        plain = questions(solver)
+        asked |= {label: plain} if not (COMPILER and quick) else {}
+        asked |= {f"{label} compiled": libraries(cores, plain, folder)} if COMPILER else {}
     needed = dict[str, Swept]()
     for form, ask in asked.items():
         tell(f"front: {form}")
-        needed[form] = _quickest_sweep(_grow_sweeps(cores, ask, problem.task, starts, points, wanted), wanted)
+        needed[form] = _quickest_sweep(_grow_sweeps(cores, ask, problem.task, starts, points, volume), volume)
     ours, theirs = list[Ours](), {form: list[Swept]() for form in asked}
     for i in range(effort.repeats):
         tell(f"front: side by side, {i + 1} of {effort.repeats}")

@@ -30,14 +30,14 @@ def versus(
     ratio = ours / theirs if np.isfinite(theirs) and theirs > 0 else (0.0 if np.isfinite(ours) else np.inf)
     lost = goal is not None and not ratio <= goal
     parts = [f"ratio {ratio:.3g}", *([f"goal {goal:g}"] if goal is not None else []), *([note] if note else [])]
-    beside = float(theirs) if np.isfinite(theirs) else None
+    finite_theirs = float(theirs) if np.isfinite(theirs) else None
     return Row(
         table=table,
         row=row,
         column=column,
         unit=unit,
         ours=float(ours),
-        reference=beside,
+        reference=finite_theirs,
         source=source,
         note=(LOSS if lost else "") + ", ".join(parts),
     )

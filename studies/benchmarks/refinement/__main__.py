@@ -75,7 +75,7 @@ def tabulate(name: str, default: str, ends: dict[str, Ends]) -> list[Row]:
     for solver, end in ends.items():
         quicker = end.each < ours.each
         better = end.best < ours.best - BETTER * abs(ours.best)
-        lost = solver != default and (quicker or better)
+        is_loss = solver != default and (quicker or better)
         outcome = (
             "no start counts" if not end.count else f"best {end.best:.8g}, median {np.nanmedian(end.objectives):.5g}"
         )
@@ -88,7 +88,7 @@ def tabulate(name: str, default: str, ends: dict[str, Ends]) -> list[Row]:
                 column="for each start that counts",
                 unit="s",
                 ours=end.each,
-                note=(LOSS if lost else "") + "; ".join([ratio, counts, outcome]),
+                note=(LOSS if is_loss else "") + "; ".join([ratio, counts, outcome]),
             )
         )
     return rows

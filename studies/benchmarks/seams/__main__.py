@@ -118,8 +118,8 @@ def seam_rows(cell: str, seam: str, samples: int, resolutions: Sequence[float]) 
 
 def _limit(row: str, column: str, unit: str, value: float, goal: float | None) -> Row:
     """Return a row of what ours takes, with its goal where there is one."""
-    lost = goal is not None and not value <= goal
-    note = "" if goal is None else f"{LOSS if lost else ''}goal {goal:g}"
+    is_loss = goal is not None and not value <= goal
+    note = "" if goal is None else f"{LOSS if is_loss else ''}goal {goal:g}"
     return Row(table="time and memory", row=row, column=column, unit=unit, ours=value, note=note)
 
 

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from paretoik.nlp.compiled.augmented_hessian import AugmentationOptions
 from paretoik.nlp.compiled.parametric_qp import QpOptions, solve_from
-from paretoik.nlp.compiled.working_set import REGULARISATION
 
 
 def solved(H, g, A, c, y, *, band=None, border=0, dense=0):
@@ -117,17 +117,17 @@ def test_units_of_objective_and_constraints_change_nothing(seed, unit, other):
 
 
 @pytest.mark.parametrize("dense", [0, 2])
-def test_constraints_that_cannot_all_hold_end_the_way(dense):
+def test_constraints_that_cannot_all_hold_end_the_homotopy(dense):
     A, c = np.array([[1.0, 0.0], [-1.0, 0.0]]), np.array([-1.0, 0.5])  # x ≥ 1 and x ≤ 0.5
     assert solved(np.eye(2), np.zeros(2), A, c, np.zeros(2), dense=dense).share < 1.0
 
 
 @pytest.mark.parametrize("dense", [0, 1])
-def test_negative_curvature_along_active_constraints_ends_the_way(dense):
+def test_negative_curvature_along_active_constraints_ends_the_homotopy(dense):
     H, g = np.diag([1.0, -1.0]), np.array([0.0, 1.0])
     across, along = np.array([[0.0, 1.0]]), np.array([[1.0, 0.0]])
-    held = solved(H, g, across, np.zeros(1), np.array([1.0]), dense=dense)
-    assert_optimal(held, H, g, across, np.zeros(1))
+    fixed = solved(H, g, across, np.zeros(1), np.array([1.0]), dense=dense)
+    assert_optimal(fixed, H, g, across, np.zeros(1))
     assert solved(H, -g, across, np.zeros(1), np.array([1.0]), dense=dense).share < 1.0
     assert solved(H, g, along, np.zeros(1), np.array([1.0]), dense=dense).share == 0.0
 
@@ -136,7 +136,7 @@ def test_where_it_is_flat_nothing_moves_by_itself():
     H, g = np.diag([1.0, 0.0, 0.0]), np.array([-1.0, 0.0, 1.0])
     A, c = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 1.0]]), np.array([0.5, 0.4])  # z ≥ −0.5, y + z ≥ −0.4
     solution = solved(H, g, A, c, np.array([1.0, 0.0]))
-    assert_optimal(solution, H + REGULARISATION * np.eye(3), g, A, c)
+    assert_optimal(solution, H + AugmentationOptions().regularisation * np.eye(3), g, A, c)
     assert solution.step == pytest.approx([1.0, 0.1, -0.5], abs=2e-6)
 
 

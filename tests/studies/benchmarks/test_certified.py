@@ -140,7 +140,7 @@ def test_ipopt_goes_again_below_a_lower_ceiling_where_it_let_one_slip(honest, mo
 
 def test_random_steps_have_their_size_follow_the_path_and_keep_the_limits(subject, middle):
     at = linearise(subject.program, subject.q[middle])
-    assert subject.said.violation_between[middle] >= 0
+    assert subject.certificates.violation_between[middle] >= 0
     for k, size in enumerate(SIZES):
         step = random_step(at, size, np.random.default_rng(k))
         moved = at.displacement(step)
@@ -181,8 +181,12 @@ def test_exchange_rates_agree_with_differences_and_wrong_ones_are_lost(subject):
     (row,) = exchange_rows(subject)
     assert row.ours < 1e-5
     assert not row.note.startswith(LOSS)
-    said = subject.said
-    wrong = replace(said, exchange_rates=1.01 * said.exchange_rates, exchange_intervals=1.01 * said.exchange_intervals)
+    certificates = subject.certificates
+    wrong = replace(
+        certificates,
+        exchange_rates=1.01 * certificates.exchange_rates,
+        exchange_intervals=1.01 * certificates.exchange_intervals,
+    )
     (row,) = exchange_rows(replace(subject, front=replace(subject.front, certificates=wrong)))
     assert row.ours == pytest.approx(0.01, rel=0.05)
     assert row.note.startswith(LOSS)
@@ -255,11 +259,11 @@ def test_what_cannot_be_reached_is_not_and_what_is_beaten_is_told(subject):
 def test_quick_writes_strict_json_of_every_case(tmp_path, monkeypatch, subject, capsys):
     asked = []
 
-    def found(case, *, points, seed, folder):
+    def stand_in(case, *, points, seed, folder):
         asked.append((case.name, points, seed))
         return replace(subject, name=case.name)
 
-    monkeypatch.setattr(study, "subject_of", found)
+    monkeypatch.setattr(study, "subject_of", stand_in)
     monkeypatch.setattr(study, "QUICK_STEPS", 10)
     file = tmp_path / "certified.json"
     study.main(["--quick", "--seed", "7", "--json", str(file)])

@@ -10,7 +10,7 @@ import pytest
 from pymoo.optimize import minimize
 
 from studies.benchmarks.maximin import __main__ as study
-from studies.benchmarks.maximin import cases, judging, methods, run, running, stored_runs
+from studies.benchmarks.maximin import cases, interleaved_runs, judging, methods, single_run, stored_runs
 from studies.benchmarks.significance import compare, decide
 
 ONE_OF_EACH = ["ZDT5", "DTLZ1-5", "WFG9", "MW14", "CTP8", "DASCMOP9", "OSY", "steep tail"]
@@ -41,7 +41,7 @@ def test_every_method_runs_on_every_kind_of_problem_with_as_many_evaluations(nam
         algorithm = methods.algorithm(method, case, problem, first)
         result = minimize(problem, algorithm, ("n_eval", 2 * len(first)), seed=3)
         evaluated.append(result.algorithm.evaluator.n_eval)
-    assert evaluated == [2 * running.POPULATION[case.n_obj]] * len(evaluated)
+    assert evaluated == [2 * interleaved_runs.POPULATION[case.n_obj]] * len(evaluated)
 
 
 @pytest.mark.skipif(not cases.COCO, reason="coco-experiment is not installed")
@@ -55,7 +55,7 @@ def test_the_first_of_coco_s_problems_is_two_spheres():
 
 @pytest.mark.usefixtures("unchecked")
 def test_a_run_is_the_same_again_and_leaves_only_points_of_its_box_none_dominated():
-    first, again = (run.run_once("steep tail", methods.BOXED, 1, 12) for _ in range(2))
+    first, again = (single_run.run_once("steep tail", methods.BOXED, 1, 12) for _ in range(2))
     assert len(first.F) > 1
     assert np.array_equal(first.F, again.F)
     assert np.less_equal(first.F, cases.cases()["steep tail"].box[1]).all()
@@ -82,7 +82,7 @@ def test_too_few_seeds_prove_no_goal():
 
 def test_unions_are_stored_and_joined_with_what_was_stored(tmp_path):
     case = cases.cases()["steep tail"]
-    one, other = (run.Run(np.array([F]), 1.0) for F in ([0.0, 1.0], [1.0, 0.0]))
+    one, other = (single_run.Run(np.array([F]), 1.0) for F in ([0.0, 1.0], [1.0, 0.0]))
     judging.union_front(case, [one], tmp_path)
     assert judging.union_front(case, [other], tmp_path).tolist() == [[1.0, 0.0], [0.0, 1.0]]
 
@@ -105,7 +105,7 @@ def test_quick_shortens_every_problem():
 
 @pytest.mark.usefixtures("here")
 def test_every_method_s_cost_and_every_comparison_are_reported(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(run, "WARM_UP", {2: "ZDT1"})
+    monkeypatch.setattr(single_run, "WARM_UP", {2: "ZDT1"})
     monkeypatch.setattr(study, "QUICK", {"ZDT1": 3, "BNH": 3})
     monkeypatch.setattr(methods, "PEERS", ("NSGA-II", "SMS-EMOA"))
     file = tmp_path / "maximin.json"
@@ -129,7 +129,7 @@ def test_beside_the_peers_of_the_goals_alone_nothing_else_runs():
 
 @pytest.mark.usefixtures("here")
 def test_stored_runs_are_read_and_only_what_is_missing_is_run(tmp_path, monkeypatch):
-    monkeypatch.setattr(run, "WARM_UP", {2: "ZDT1"})
+    monkeypatch.setattr(single_run, "WARM_UP", {2: "ZDT1"})
     monkeypatch.setattr(study, "QUICK", {"ZDT1": 3})
     asked = ["--quick", "--goals", "--runs", str(tmp_path / "runs"), "--json", str(tmp_path / "rows.json")]
     study.main([*asked, "--seeds", "2"])
@@ -151,7 +151,7 @@ def test_a_run_of_ours_is_stored_for_this_search_and_one_of_a_peer_for_this_pymo
     assert ours.parts[-3] == one_line.parts[-3] != peer.parts[-3]
     assert len({ours, one_line, peer}) == 3
     assert stored_runs.load_run(ours) is None
-    stored_runs.save_run(ours, run.Run(np.array([[0.0, 1.0]]), 0.25))
+    stored_runs.save_run(ours, single_run.Run(np.array([[0.0, 1.0]]), 0.25))
     stored = stored_runs.load_run(ours)
     assert stored.F.tolist() == [[0.0, 1.0]]
     assert stored.seconds == 0.25

@@ -10,7 +10,7 @@ import numpy as np
 
 from studies.benchmarks.maximin.cases import POPULATION, Case
 from studies.benchmarks.maximin.methods import methods_of
-from studies.benchmarks.maximin.run import Run, run_once
+from studies.benchmarks.maximin.single_run import Run, run_once
 from studies.benchmarks.maximin.stored_runs import load_run, save_run, stored_run
 from studies.benchmarks.processes import processes, rotated, run_seeds
 
