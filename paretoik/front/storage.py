@@ -61,13 +61,13 @@ def save(front: Front, folder: Path, *, overwrite: bool = False) -> None:
     except (TypeError, ValueError) as fault:
         raise InvalidInput(f"front provenance: wanted what strict JSON can hold, got {fault}") from fault
     with only_writer(folder):
-        _make_way(front, folder, overwrite=overwrite)
+        _remove_other_choices(front, folder, overwrite=overwrite)
         for name, content in files.items():
             replace_file(folder / name, content)
     attach(front, folder)
 
 
-def _make_way(front: Front, folder: Path, *, overwrite: bool) -> None:
+def _remove_other_choices(front: Front, folder: Path, *, overwrite: bool) -> None:
     """Remove the choices of another run that is replaced; raises InvalidInput where it is not to be."""
     if not is_run(folder / RUN) or _keeps_run(front, folder):
         return
