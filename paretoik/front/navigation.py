@@ -26,12 +26,12 @@ if TYPE_CHECKING:  # a front asks this file to move
 class NavigationDefaults:
     """A point counts as critical up to ``critical``; a move is a ``share`` of the range, or half of what remains.
 
-    A gain of less than ``least``, a share of the range, is none.
+    A gain of less than ``smallest_gain``, a share of the range, is none.
     """
 
     critical: float = 1e-6
     share: float = 0.05
-    least: float = 1e-6
+    smallest_gain: float = 1e-6
     remaining: float = 0.5
     points: int = 4
 
@@ -106,7 +106,7 @@ def refine_around(front: Front, choice: Choice | int, *, points: int = DEFAULTS.
     for k, share in _places(values[row], values, points):
         better = values[:, k] < values[row, k]
         by = share * float((values[row, k] - values[better, k]).min())
-        if by > DEFAULTS.least * widths[k]:
+        if by > DEFAULTS.smallest_gain * widths[k]:
             payers = tuple(j for j in range(len(front.names)) if j != k)
             here = row_of(front, id)
             try:
