@@ -153,7 +153,7 @@ def _transcribe(settings: DirectionalProgram) -> TracedRows:
             value, before = at["values"][k], settings.quantities[:k].count("velocity")
             if quantity == "force":
                 force = [sum(c * d for c, d in zip(column, direction, strict=True)) for column in columns]
-                torque = [own + value * share for own, share in zip(load, force, strict=True)]
+                torque = [gravity + value * share for gravity, share in zip(load, force, strict=True)]
                 slacks += _stall_slacks(settings.actuation, ratios, torque)
                 continue
             motors = at["motors"][before]

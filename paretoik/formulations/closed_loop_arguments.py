@@ -67,7 +67,7 @@ def check_even(times: Times) -> None:
 def check_longest_step(longest_step: object) -> float:
     """Return the most that a joint may move in a step; raises InvalidInput for what is no positive number."""
     longest = real_array("longest_step", longest_step)
-    if not longest > 0:
+    if longest.shape != () or not longest > 0:
         raise InvalidInput(f"longest_step: a positive number wanted, got {longest_step!r}")
     return float(longest)
 

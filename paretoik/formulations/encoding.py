@@ -19,12 +19,14 @@ from paretoik.task.motion_task import MotionTask
 class EncodingOptions:
     """Settings of the splines and of their charts.
 
-    Of ``coefficients`` a spline has at least the first, and the second on paths that have enough samples.
+    Of ``coefficients`` a spline has at least the first, and the second on paths that have enough samples. Motions near
+    the bases are sampled with coefficients of about this ``deviation``, a share of how far the charts reach.
     """
 
     degree: int = 3
     coefficients: tuple[int, int] = (4, 12)
     radii: tuple[float, ...] = (0.03, 0.06, 0.12, 0.2, 0.3, 0.45, 0.65, 0.9, 1.2, 1.6)  # rad, arm's lengths; outwards
+    deviation: float = 0.3
 
 
 OPTIONS = EncodingOptions()
@@ -105,7 +107,7 @@ class Encoding:
         which = np.arange(count) % self.bases
         shape = (count, self.redundancy, 1)
         tilt = rng.normal(size=shape) + rng.normal(size=shape) * np.linspace(-1, 1, self.coefficients)
-        wave = 0.3 * np.where(np.arange(count) < self.bases, 0.0, 1.0)[:, None] * tilt.reshape(count, -1)
+        wave = OPTIONS.deviation * np.where(np.arange(count) < self.bases, 0.0, 1.0)[:, None] * tilt.reshape(count, -1)
         return np.concatenate([which[:, None] + 0.5, np.clip(wave, -1, 1)], axis=1)
 
     def _coordinates(self, which: np.ndarray, genes: Genes) -> np.ndarray:

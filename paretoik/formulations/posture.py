@@ -128,6 +128,6 @@ class Posture(Problem):  # type: ignore[misc]  # pymoo is not typed
         task = self.task
         error = task_errors(task.arm, task.tasks, X, task.targets[0])[0]
         distance, angle = (np.linalg.norm(error[:, rows], axis=1) for rows in (~self._rotations, self._rotations))
-        own, limits, out["cause"] = evaluate_motions(task, self.decode(X), interruptible=False)
-        out["F"] = np.column_stack([distance + angle, own])  # Eq. 18
+        values, limits, out["cause"] = evaluate_motions(task, self.decode(X), interruptible=False)
+        out["F"] = np.column_stack([distance + angle, values])  # Eq. 18
         out["G"] = limits

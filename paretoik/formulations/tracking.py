@@ -8,6 +8,7 @@ weighted-pseudoinverse roll-outs (Tringali & Cocuzza 2020, section 3.1.2), sprea
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -52,7 +53,15 @@ from paretoik.trajectory.program import MotionProgram
 from paretoik.trajectory.tightening import hold_all
 from paretoik.trajectory.transcription import motion_program
 
-INFEASIBLE_SHARE = 0.3  # of parents: optima lie on the limits, and are found far sooner from both sides
+
+@dataclass(frozen=True, kw_only=True)
+class TrackingOptions:
+    """Up to ``infeasible_share`` of parents: optima lie on the limits, and are found far sooner from both sides."""
+
+    infeasible_share: float = 0.3
+
+
+OPTIONS = TrackingOptions()
 
 
 class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
@@ -173,7 +182,7 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
             sampling=initial,
             crossover=Differential(),
             mutation=SmoothMutation(self.encoding.coefficients),
-            infeasible_share=INFEASIBLE_SHARE,
+            infeasible_share=OPTIONS.infeasible_share,
         )
 
     def program(self, scales: Float[np.ndarray, " n_obj"] | None = None) -> MotionProgram:

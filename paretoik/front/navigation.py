@@ -24,10 +24,14 @@ if TYPE_CHECKING:  # a front asks this file to move
 
 @dataclass(frozen=True, kw_only=True)
 class NavigationDefaults:
-    """A point counts as critical up to ``critical``; a move is a ``share`` of the range, or half of what remains."""
+    """A point counts as critical up to ``critical``; a move is a ``share`` of the range, or half of what remains.
+
+    A gain of less than ``smallest_gain``, a share of the range, is none.
+    """
 
     critical: float = 1e-6
     share: float = 0.05
+    smallest_gain: float = 1e-6
     remaining: float = 0.5
     points: int = 4
 
@@ -102,7 +106,7 @@ def refine_around(front: Front, choice: Choice | int, *, points: int = DEFAULTS.
     for k, share in _places(values[row], values, points):
         better = values[:, k] < values[row, k]
         by = share * float((values[row, k] - values[better, k]).min())
-        if by > 1e-6 * widths[k]:
+        if by > DEFAULTS.smallest_gain * widths[k]:
             payers = tuple(j for j in range(len(front.names)) if j != k)
             here = row_of(front, id)
             try:

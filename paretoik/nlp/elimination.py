@@ -22,19 +22,19 @@ OPTIONS = EliminationOptions()
 class Elimination:
     """Rows with auxiliary columns eliminated from all but one row each, their pivots.
 
-    ``pivots`` are the rows of ``columns``, ``rest`` says which rows are none, ``free`` which columns stay.
+    ``pivots`` are the rows of ``columns``, ``remaining`` says which rows are none, ``free`` which columns stay.
     """
 
     table: Float[np.ndarray, "rows columns"]
     pivots: list[int]
     columns: list[int]
-    rest: Bool[np.ndarray, " rows"]
+    remaining: Bool[np.ndarray, " rows"]
     free: Bool[np.ndarray, " columns"]
 
     @property
-    def reduced(self) -> Float[np.ndarray, "rest free"]:
+    def reduced(self) -> Float[np.ndarray, "remaining free"]:
         """What other rows have in the columns that stay."""
-        return self.table[np.ix_(self.rest, self.free)]
+        return self.table[np.ix_(self.remaining, self.free)]
 
 
 def eliminate(rows: Float[np.ndarray, "rows columns"], unknowns: int, pivot_rows: int | None = None) -> Elimination:
@@ -43,19 +43,19 @@ def eliminate(rows: Float[np.ndarray, "rows columns"], unknowns: int, pivot_rows
     Pivots are the largest entries; a column without any stays.
     """
     table, (count, size) = rows.copy(), rows.shape
-    rest, free = np.ones(count, dtype=bool), np.ones(size, dtype=bool)
+    remaining, free = np.ones(count, dtype=bool), np.ones(size, dtype=bool)
     pivots, columns = list[int](), list[int]()
     end = count if pivot_rows is None else pivot_rows
     for column in range(unknowns, size):
-        sizes = np.abs(table[:end, column]) * rest[:end]
+        sizes = np.abs(table[:end, column]) * remaining[:end]
         pivot = int(np.argmax(sizes)) if end else 0
         if not end or sizes[pivot] <= OPTIONS.pivot:
             continue
         pivots.append(pivot)
         columns.append(column)
-        rest[pivot], free[column] = False, False
+        remaining[pivot], free[column] = False, False
         table[pivot] /= table[pivot, column]
         others = np.flatnonzero(table[:, column])
         others = others[others != pivot]
         table[others] -= table[others, column][:, None] * table[pivot]
-    return Elimination(table=table, pivots=pivots, columns=columns, rest=rest, free=free)
+    return Elimination(table=table, pivots=pivots, columns=columns, remaining=remaining, free=free)

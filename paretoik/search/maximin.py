@@ -206,8 +206,9 @@ class MaxiMin(Survival):  # type: ignore[misc]  # pymoo has no types
         H = column(pop, "H") if problem.n_eq_constr else None
         violation = violations(F, G, H, tolerance=self.tolerance, equality_tolerance=self.equality_tolerance)
         species = problem.species(column(pop, "X")) if hasattr(problem, "species") else None
-        settings: dict[str, Any] = {"ranges": self.ranges, "infeasible_share": self.infeasible_share}
-        selected = survivors(F, violation, n_survive, **settings, species=species)
+        selected = survivors(
+            F, violation, n_survive, ranges=self.ranges, infeasible_share=self.infeasible_share, species=species
+        )
         for individual, value in zip(pop, violation, strict=True):
             individual.CV = np.array([value])
         population = pop[selected.index]

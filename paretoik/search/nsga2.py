@@ -97,27 +97,27 @@ class MaxiMinNSGA2(GeneticAlgorithm):  # type: ignore[misc]  # pymoo has no type
             initial = initial.do(self.problem, self.pop_size, random_state=self.random_state)
         if self._operators is not None:
             return self._sampled(initial, self._operators)
-        given = initial if isinstance(initial, Population) else Population()
-        X = given.get("X") if isinstance(initial, Population) else initial
+        individuals = initial if isinstance(initial, Population) else Population()
+        X = individuals.get("X") if isinstance(initial, Population) else initial
         X = seeded_population(self.problem, self.pop_size, X, rng=self.random_state)
-        known = {np.asarray(individual.X, dtype=float).tobytes(): individual for individual in given}
-        return Population([known.get(row.tobytes()) or Individual(X=row) for row in X])
+        by_genes = {np.asarray(individual.X, dtype=float).tobytes(): individual for individual in individuals}
+        return Population([by_genes.get(row.tobytes()) or Individual(X=row) for row in X])
 
     def _sampled(self, initial: Any, operators: Operators) -> Any:
         """Return the first population of genes that are no real numbers: what is given, and others by pymoo."""
-        given = initial if isinstance(initial, Population) else Population.new("X", [] if initial is None else initial)
-        if len(given) > self.pop_size:
-            raise InvalidInput(f"sampling: at most {self.pop_size} individuals wanted, got {len(given)}")
-        if len(given) < self.pop_size and operators.sampling is None:
-            raise InvalidInput(f"sampling: {self.pop_size} individuals wanted for such genes, got {len(given)}")
+        first = initial if isinstance(initial, Population) else Population.new("X", [] if initial is None else initial)
+        if len(first) > self.pop_size:
+            raise InvalidInput(f"sampling: at most {self.pop_size} individuals wanted, got {len(first)}")
+        if len(first) < self.pop_size and operators.sampling is None:
+            raise InvalidInput(f"sampling: {self.pop_size} individuals wanted for such genes, got {len(first)}")
         for _ in range(10):
-            if len(given) < self.pop_size:
-                more = operators.sampling.do(self.problem, self.pop_size - len(given), random_state=self.random_state)
-                given = Population.merge(given, operators.duplicates.do(more, given))
-        if len(given) < self.pop_size:  # there are not so many
-            spare = self.pop_size - len(given)
-            given = Population.merge(given, operators.sampling.do(self.problem, spare, random_state=self.random_state))
-        return given
+            if len(first) < self.pop_size:
+                more = operators.sampling.do(self.problem, self.pop_size - len(first), random_state=self.random_state)
+                first = Population.merge(first, operators.duplicates.do(more, first))
+        if len(first) < self.pop_size:  # there are not so many
+            spare = self.pop_size - len(first)
+            first = Population.merge(first, operators.sampling.do(self.problem, spare, random_state=self.random_state))
+        return first
 
     def _set_optimum(self, **kwargs: Any) -> None:
         violation = column(self.pop, "CV")[:, 0]

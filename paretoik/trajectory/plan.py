@@ -216,11 +216,11 @@ def _optima(
     A motion that was given, keeps its limits between samples and is better than all optima comes first.
     """
     program = motion_program(task, np.maximum(np.abs(task.objectives[0](task.motion(solutions.x[:1]))), 1e-300))
-    held, status = hold_all(program, solutions.x, 1, solver), solutions.status
+    results, status = hold_all(program, solutions.x, 1, solver), solutions.status
     if initial is not None and task.differences == "spline":
         initial_motions = feasible_motions(program, initial)
-        held, status = [*held, *initial_motions], np.append(status, np.full(len(initial_motions), CONVERGED))
-    motions = task.motion(np.stack([each.x for each in held]))
+        results, status = [*results, *initial_motions], np.append(status, np.full(len(initial_motions), CONVERGED))
+    motions = task.motion(np.stack([each.x for each in results]))
     values, labels = task.objectives[0](motions), branch_labels(motions)
     merit = task.objectives[0].sign * values
     best = int(np.argmin(merit))
@@ -232,7 +232,7 @@ def _optima(
             objective=float(values[i]),
             label=labels[i],
             status=STATUSES[int(status[i])],
-            violation_between=held[i].violation,
+            violation_between=results[i].violation,
         )
         for i in order
     )

@@ -67,8 +67,8 @@ class GentleStart:
         return front.choice(row, f"Point {front.ids[row]} accelerates its joints by at most {early[row]:.3g} rad/s².")
 
 
-gentle = front.select(GentleStart())
-print(gentle.verdict)
+own = front.select(GentleStart())
+print(own.verdict)
 
 # %% [markdown]
 # The report is one page that loads nothing: the front with its ids, the choices, every motion's curves and an arm that

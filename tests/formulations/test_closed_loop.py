@@ -128,6 +128,14 @@ def test_what_cannot_be_used_is_named(settings, said):
         ClosedLoop(pk.arms.marcos_nr(3), path, **{"start": posture(3), **settings})
 
 
+@pytest.mark.usefixtures("unchecked")
+@pytest.mark.parametrize("longest_step", [[0.1, 0.1], [0.1], float("nan")])
+def test_the_longest_step_is_one_number(longest_step):
+    path = marcos_2012.round_trip(0.7, 4)
+    with pytest.raises(InvalidInput, match="longest_step: a positive number wanted"):
+        ClosedLoop(pk.arms.marcos_nr(3), path, start=posture(3), longest_step=longest_step)
+
+
 def test_times_that_are_not_even_are_refused():
     path = pk.poses([0.0, 0.1, 0.5, 0.6], [pk.Pose(np.array([1.2, y, 0.0])) for y in (0.0, 0.01, 0.02, 0.03)])
     with pytest.raises(InvalidInput, match="evenly spaced"):

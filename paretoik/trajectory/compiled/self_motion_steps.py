@@ -7,14 +7,23 @@ fixed: steps along its ``tangent`` (time, dof, unknowns), the null space of the 
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from paretoik.autodiff.interpreter import run
 from paretoik.compilation import compiled
 from paretoik.nlp.compiled.householder import eliminate
 
-ON_PATH = 1e-12  # of the path equations
-NEWTON = 8  # steps back to the path at most
+
+class RetractionOptions(NamedTuple):
+    """How motions are moved back onto their path."""
+
+    tolerance: float = 1e-12  # of the path equations, in lengths of the arm and rad: what rounding leaves
+    steps: int = 8  # of Newton's method at most: it squares errors, and more have left for another sheet
+
+
+OPTIONS = RetractionOptions()
 
 
 @compiled
@@ -196,7 +205,7 @@ def retract_motion(track, inputs, q, normal, triangle, tracked):
     """
     samples, n, rows = normal.shape
     matrix, right = np.empty((rows, rows)), np.empty(rows)
-    for attempt in range(NEWTON):
+    for attempt in range(OPTIONS.steps):
         for j in range(n):
             for s in range(samples):
                 inputs[j, s] = q[s, j]
@@ -205,10 +214,10 @@ def retract_motion(track, inputs, q, normal, triangle, tracked):
         for i in range(rows):
             for s in range(samples):
                 worst = max(worst, abs(tracked[i, s]))
-        if worst <= ON_PATH:
+        if worst <= OPTIONS.tolerance:
             return True
-        if not worst < 1.0 or attempt == NEWTON - 1:
-            return worst <= 100 * ON_PATH  # a long arm rounds to more
+        if not worst < 1.0 or attempt == OPTIONS.steps - 1:
+            return worst <= 100 * OPTIONS.tolerance  # a long arm rounds to more
         for s in range(samples):
             for i in range(rows):
                 right[i] = tracked[i, s]

@@ -20,7 +20,7 @@ from pymoo.operators.survival.rank_and_crowding import RankAndCrowding
 import paretoik as pk
 from paretoik.api.refine import SearchImprover
 from paretoik.arrays import Genes, Objectives
-from paretoik.formulations.tracking import INFEASIBLE_SHARE
+from paretoik.formulations.tracking import OPTIONS as TRACKING
 from paretoik.nlp.minimise import minimise
 from paretoik.pareto.refine import OPTIONS as REFINE
 from paretoik.search.archive import Archive
@@ -78,9 +78,8 @@ def cell_algorithm(cell: Cell, problem: pk.Tracking, first: Genes) -> Any:
     """Return a cell's algorithm: both selections with the same operators of the same parents."""
     crossover, mutation = Differential(), SmoothMutation(problem.encoding.coefficients)
     if cell.maximin:
-        return MaxiMinNSGA2(
-            len(first), sampling=first, crossover=crossover, mutation=mutation, infeasible_share=INFEASIBLE_SHARE
-        )
+        share = TRACKING.infeasible_share
+        return MaxiMinNSGA2(len(first), sampling=first, crossover=crossover, mutation=mutation, infeasible_share=share)
     mating = BranchwiseMating(crossover, mutation, infeasible_parents=True)
     return NSGA2(pop_size=len(first), sampling=first, survival=Crowding(), mating=mating)
 

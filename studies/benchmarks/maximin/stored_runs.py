@@ -10,6 +10,8 @@ import numpy as np
 import pymoo
 
 import paretoik.search
+from paretoik.front.storage import array_bytes
+from paretoik.run_files import replace_file
 from studies.benchmarks.maximin.methods import BOXED, ONE_LINE, OURS
 from studies.benchmarks.maximin.single_run import Run
 
@@ -31,11 +33,7 @@ def load_run(file: Path) -> Run | None:
 
 def save_run(file: Path, run: Run) -> None:
     """Write a run; a process killed meanwhile leaves no half of it."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    part = file.with_suffix(".part")
-    with part.open("wb") as stream:
-        np.savez_compressed(stream, F=run.F, seconds=run.seconds)
-    part.replace(file)
+    replace_file(file, array_bytes({"F": run.F, "seconds": np.array(run.seconds)}))
 
 
 @cache

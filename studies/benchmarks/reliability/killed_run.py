@@ -42,9 +42,9 @@ class Killer:
                 timer.start()
         self._count()
 
-    def _synchronised(self, descriptor: Any) -> None:
+    def _synchronised(self, fd: Any) -> None:
         self._count()
-        self._synchronise(descriptor)
+        self._synchronise(fd)
 
     def _count(self) -> None:
         self._events += self._claimed > 0
