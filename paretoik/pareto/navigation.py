@@ -97,8 +97,7 @@ def move(
         starts = _starts(front, start, aim, followed, neighbours if best is None else [], between)
         candidates += _solve(program, starts, goal, OPTIONS.barriers, solver)
     behind, is_curve = _behind(front, start, aim), len(aim.ranges) == 2  # points of a surface have no order
-    jumps = len(others) > 0 or has_barrier(program, front.x[start], front.x[behind], between, aim.ranges)
-    if leaves or (is_curve and jumps):
+    if leaves or (is_curve and (others or has_barrier(program, front.x[start], front.x[behind], between, aim.ranges))):
         candidates += _solve(program, [front.x[behind]], goal, (OPTIONS.high,), solver)
     best = _best(program, candidates, goal)
     if best is None:
