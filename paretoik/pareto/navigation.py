@@ -1,8 +1,12 @@
 """Moving along a front from one of its points to a new one: followed where its branch goes on, else solved anew.
 
 Where the branch ends or bends back, or what is known already is better, the nearest known points that are good enough
-are followed to what is wished for; where none leads there, local optima are sought from where the branch ended, from
-these points and from points between them and the start. The best counts.
+are followed to what is wished for, and a local optimum is sought from where the branch ended; where none leads there,
+also from these points, from points between them and the start, and last from others. The best counts.
+
+Where the front jumps, the best optimum may lie in a valley that none of these points is in. So where a move leaves its
+branch, and where a front that is a curve jumps right behind the start or ahead of it, one more optimum is sought from
+the point behind the start, by a barrier that is high enough to leave a valley.
 """
 
 from __future__ import annotations
@@ -28,19 +32,22 @@ from paretoik.pareto.warm_start import OPTIONS as WARM
 class NavigationOptions:
     """How a front is moved along; objectives are divided by their ranges.
 
-    ``neighbours`` are so many known points to start from; ``violation`` is what a limit or bound may be exceeded by,
-    ``better`` what one point has to gain beside another. A branch that ends before a ``worthwhile`` share of the way
-    leads nowhere. Between two points lies a barrier where at one of so many ``places`` an objective is worse than at
-    both by ``height``. ``barriers`` of the solver are tried in turn until one leads to an optimum.
+    ``neighbours`` are so many known points to start from, ``farther`` more where these lead nowhere. ``violation`` is
+    what a limit or bound may be exceeded by, ``better`` what one point has to gain beside another. A branch that ends
+    before a ``worthwhile`` share of the way leads nowhere. Between two points lies a barrier where at one of so many
+    ``places`` an objective is worse than at both by ``height``. ``barriers`` of the solver are tried in turn until one
+    leads to an optimum. ``high`` is the one that leaves valleys, where it does so within a few iterations.
     """
 
     neighbours: int = 3
+    farther: int = 12
     violation: float = 1e-8
     better: float = 1e-7
     worthwhile: float = 0.02
     places: int = 3
     height: float = 1e-6
     barriers: tuple[InteriorPointOptions, ...] = WARM.barriers
+    high: InteriorPointOptions = InteriorPointOptions(barrier=1e-2, radius=0.02, iterations=50)
 
 
 OPTIONS = NavigationOptions()
@@ -79,18 +86,25 @@ def move(
     goal, neighbours = aim.at_share(1.0), _neighbours(front, start, aim)
     followed = _follow(program, front, start, goal)
     arrived = followed is not None and followed.share >= 1.0
-    candidates = list[Point]()
     others = neighbours
     if followed is not None and arrived:
-        candidates.append(followed.optimum.x)
-        others = _rivals(program, front, candidates[0], neighbours, goal, between)
-    branches = [_follow(program, front, i, goal) for i in others]
-    candidates += [each.optimum.x for each in branches if each is not None and each.share >= 1.0]
-    if not candidates:
-        candidates = _solve(program, _starts(front, start, aim, followed, neighbours, between), goal, solver)
+        others = _rivals(program, front, followed.optimum.x, neighbours, goal, between)
+    branches = [followed, *(_follow(program, front, i, goal) for i in others)]
+    candidates = [each.optimum.x for each in branches if each is not None and each.share >= 1.0]
     best = _best(program, candidates, goal)
+    leaves = not arrived or best is not candidates[0]
+    if leaves:
+        starts = _starts(front, start, aim, followed, neighbours if best is None else [], between)
+        candidates += _solve(program, starts, goal, OPTIONS.barriers, solver)
+    behind, is_curve = _behind(front, start, aim), len(aim.ranges) == 2  # points of a surface have no order
+    if leaves or (is_curve and (others or has_barrier(program, front.x[start], front.x[behind], between, aim.ranges))):
+        candidates += _solve(program, [front.x[behind]], goal, (OPTIONS.high,), solver)
+    best = _best(program, candidates, goal)
+    if best is None:
+        farther = [front.x[i] for i in _nearest(front, aim) if i not in (start, *neighbours)][: OPTIONS.farther]
+        best = _best(program, _solve(program, farther, goal, OPTIONS.barriers, solver), goal)
     if best is not None:
-        is_followed = bool(candidates) and arrived and best is candidates[0]
+        is_followed = arrived and best is candidates[0]
         jump = not is_followed and has_barrier(program, front.x[start], best, between, aim.ranges)
         return Destination(x=best, share=1.0, followed=followed, arrived=is_followed, jump=jump)
     followed = _follow(program, front, start, goal, partly=True)
@@ -101,7 +115,7 @@ def move(
 
 def reach(program: Program, x: Point, goal: Goal, *, solver: Solver = "auto") -> Point | None:
     """Return the optimum of a goal that a point near by leads to; None where it leads to none."""
-    return _best(program, _solve(program, [x], goal, solver), goal)
+    return _best(program, _solve(program, [x], goal, OPTIONS.barriers, solver), goal)
 
 
 def has_barrier(
@@ -132,14 +146,23 @@ def _follow(program: Program, front: FrontPoints, i: int, goal: Goal, *, partly:
 
 
 def _neighbours(front: FrontPoints, start: int, aim: Aim) -> list[int]:
-    """Return the known points that have what is wished for, nearest first: those that break other bounds least."""
-    goal = aim.at_share(1.0)
-    excess = front.objectives @ goal.rows[:, : front.objectives.shape[1]].T - goal.upper
-    improved = front.objectives[:, aim.wish.improve] / aim.ranges[aim.wish.improve]
-    enough = improved <= aim.start[aim.wish.improve] / aim.ranges[aim.wish.improve] - aim.wish.by + OPTIONS.better
-    shares = (front.objectives - aim.start) / aim.ranges
-    order = np.lexsort((np.linalg.norm(shares, axis=1), np.maximum(excess, 0.0).max(axis=1)))
-    return [int(i) for i in order if enough[i] and i != start][: OPTIONS.neighbours]
+    """Return the known points that have what is wished for: those that break other bounds least, nearest first."""
+    goal, near = aim.at_share(1.0), _nearest(front, aim)
+    excess = (front.objectives @ goal.rows[:, : len(aim.ranges)].T - goal.upper).max(axis=1)
+    enough = _gains(front, aim) >= aim.wish.by - OPTIONS.better
+    order = sorted((i for i in near if enough[i] and i != start), key=lambda i: max(excess[i], 0.0))
+    return order[: OPTIONS.neighbours]
+
+
+def _nearest(front: FrontPoints, aim: Aim) -> list[int]:
+    """Return all known points by their distance from the start, objectives divided by their ranges."""
+    return [int(i) for i in np.argsort(np.linalg.norm((front.objectives - aim.start) / aim.ranges, axis=1))]
+
+
+def _gains(front: FrontPoints, aim: Aim) -> Float[np.ndarray, " points"]:
+    """Return how much better known points are in what is wished for than the start, as shares of its range."""
+    k = aim.wish.improve
+    return np.asarray((aim.start[k] - front.objectives[:, k]) / aim.ranges[k])
 
 
 def _rivals(
@@ -163,19 +186,37 @@ def _starts(
     starts = [front.x[start]]
     if followed is not None and 0.0 < followed.share < 1.0:
         starts.insert(0, followed.optimum.x)
-    wish, values = aim.wish, front.objectives[:, aim.wish.improve]
+    gains = _gains(front, aim)
     for i in neighbours:
         starts.append(front.x[i])
-        share = wish.by * aim.ranges[wish.improve] / max(float(values[start] - values[i]), 1e-300)
+        share = aim.wish.by / max(float(gains[i]), 1e-300)
         if share < 1.0:
             starts += list(between(front.x[start], front.x[i], np.array([share])))
     return starts
 
 
-def _solve(program: Program, points: Sequence[Point], goal: Goal, solver: Solver) -> list[Point]:
+def _behind(front: FrontPoints, start: int, aim: Aim) -> int:
+    """Return the nearest known point that a move to the start could come from; the start where there is none.
+
+    It has less of what is wished for and breaks none of the other bounds.
+    """
+    goal = aim.at_share(0.0)
+    others = goal.rows[:, aim.wish.improve] == 0.0
+    excess = front.objectives @ goal.rows[others, : len(aim.ranges)].T - goal.upper[others]
+    less = (_gains(front, aim) < -OPTIONS.better) & (excess <= OPTIONS.better).all(axis=1)
+    return next((i for i in _nearest(front, aim) if less[i]), start)
+
+
+def _solve(
+    program: Program,
+    points: Sequence[Point],
+    goal: Goal,
+    barriers: tuple[InteriorPointOptions, ...],
+    solver: Solver,
+) -> list[Point]:
     """Return the optima that points lead to, each by the first barrier that does."""
     optima, unsolved, starts = list[Point](), np.ones(len(points), dtype=bool), np.array(points)
-    for options in OPTIONS.barriers:
+    for options in barriers:
         rows = np.flatnonzero(unsolved)
         if not len(rows):
             break

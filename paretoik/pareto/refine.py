@@ -9,14 +9,15 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from paretoik.arrays import Points
+from paretoik.arrays import Point, Points
 from paretoik.errors import EvaluationFailed, SolverFailed
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.minimise import minimise
-from paretoik.nlp.program import Linearisation, Program, Solver
+from paretoik.nlp.program import Goal, Linearisation, Program, Solver
 from paretoik.nlp.solutions import Solutions
 from paretoik.nlp.violation import violation_at
 from paretoik.pareto.certificates import criticality_at, criticality_bound
+from paretoik.pareto.continuation import can_follow, correct, guess_optimum
 from paretoik.pareto.scalarisation import Observe
 from paretoik.pareto.warm_start import evaluate_points
 from paretoik.stop_flag import Interrupted, check_interruption
@@ -123,7 +124,10 @@ def _refine_rows(
             if stop.partial is not None:
                 _keep(program, x, converged, remaining, stop.partial, attempt)
             raise
-        _keep(program, x, converged, remaining, solutions, attempt)
+        better = _keep(program, x, converged, remaining, solutions, attempt)
+        if solver != "sqp" and can_follow(program):
+            for i in better[~converged[better]]:
+                _correct(program, x, converged, int(i), attempt)
 
 
 def _keep(
@@ -133,8 +137,8 @@ def _keep(
     rows: Int[np.ndarray, " rows"],
     solutions: Solutions,
     attempt: _Attempt,
-) -> None:
-    """Replace points by solutions that are no worse: where these are feasible, although not yet optimal, too.
+) -> Int[np.ndarray, " better"]:
+    """Replace points by solutions that are no worse, also by feasible ones that are not yet optimal; return the rows.
 
     An optimum of the attempt is one of the front where no objective counts negatively in it: straight ahead, the first
     may have to rise so that the others fall with it.
@@ -149,6 +153,24 @@ def _keep(
     for i, solved, optimal in zip(rows[good], solutions.converged[good], critical[good], strict=True):
         # in a flat valley a solver stops where rounding hides its gain, though all objectives together may have one
         converged[i] = solved and (optimal or _is_critical(program, x[i], n_obj, OPTIONS.flat, criticality_at))
+    return rows[good]
+
+
+def _correct(program: Program, x: Points, converged: Bool[np.ndarray, " points"], i: int, attempt: _Attempt) -> None:
+    """Replace a point by the critical one that Newton's method leads to, where that is no worse.
+
+    In a flat valley rounding hides from a solver's merit function what is to gain; gradients still show it.
+    """
+    n_obj = len(attempt.rows)
+    goal = Goal(weights=attempt.weights[0], rows=attempt.rows, upper=attempt.rows @ program.evaluate(x[i])[0])
+    guess = guess_optimum(program, x[i], goal)
+    optimum = None if guess is None else correct(program, guess, goal)
+    if optimum is None:
+        return
+    point: Point = optimum.x
+    no_worse = _no_worse(program, x[i : i + 1], evaluate_points(program, point[None]), n_obj)[0]
+    if no_worse and _is_critical(program, point, n_obj, OPTIONS.flat, criticality_at):
+        x[i], converged[i] = point, True
 
 
 def _no_worse(program: Program, x: Points, solutions: Solutions, n_obj: int) -> Bool[np.ndarray, " points"]:

@@ -7,16 +7,23 @@ import pytest
 
 import paretoik as pk
 from paretoik.errors import Infeasible
+from paretoik.formulations.navigation import natural_weights
 from paretoik.front.indicators import non_dominated
+from paretoik.nlp.minimise import minimise
+from paretoik.nlp.violation import violation_of
+from paretoik.pareto.goals import Aim, Wish
+from paretoik.pareto.navigation import OPTIONS
 
-PATH = pk.line((0.4678, 0.0), (0.0983, 0.1526), duration=1.0, samples=21)
+
+def line(samples):
+    return pk.line((0.4678, 0.0), (0.0983, 0.1526), duration=1.0, samples=samples)
 
 
-def tracking(*objectives, differences="spline", **limits):
+def tracking(*objectives, path=None, differences="spline", **limits):
     limits = {"position": np.deg2rad([90, 120, 120]), "velocity": 3.8, **limits}
     return pk.Tracking(
         pk.arms.tringali_3r(),
-        PATH,
+        line(21) if path is None else path,
         objectives=objectives,
         limits=pk.Limits(**limits),
         differences=differences,
@@ -26,6 +33,10 @@ def tracking(*objectives, differences="spline", **limits):
 
 def directions():
     return pk.DirectionalMaxima(pk.arms.kim_3r(), pk.capability.kim_joint_motors(), (0.15, 0.25), 2)
+
+
+def directions_of_motors():
+    return pk.DirectionalMaxima(pk.arms.kim_3r(), pk.capability.kim_joint_motors(), (0.15, 0.25), 4)
 
 
 def sliders(cls, *arguments, **settings):
@@ -152,6 +163,55 @@ def test_two_halves_are_one_whole(plain):
 def test_a_move_keeps_its_limits_between_samples(plain):
     moved = plain.navigate(inner_points(plain)[1], improve="torque_norm")
     assert moved.certificates.violation_between[moved.navigated.index] <= 1e-4
+
+
+def best_from_all_points(problem, front, row, wish, barriers):
+    """The least value of the payer that the solver finds from every point of the front; infinite where it does not."""
+    program, widths = problem.program(), np.ptp(front.ranges, axis=1)
+    weights = natural_weights(front, row) * widths
+    aim = Aim(
+        wish=wish,
+        ranges=widths,
+        start=front.minimised[row],
+        weights=weights / weights.sum(),
+        objectives=len(program.upper),
+    )
+    goal, x, values = aim.at_share(1.0), problem.front_points(front), [np.inf]
+    for barrier in barriers:
+        upper = np.tile(goal.upper, (len(x), 1))
+        solutions = minimise(program, x, goal.weights[None], upper, barrier, rows=goal.rows)
+        for one in solutions.x[solutions.converged]:
+            F, equalities, inequalities = program.evaluate(one)
+            if violation_of(program, F, equalities, inequalities, goal.rows, goal.upper) <= 1e-8:
+                values.append(F[wish.payers[0]])
+    return min(values)
+
+
+def test_beside_a_jump_no_point_of_the_front_leads_to_anything_better_whatever_the_barrier():
+    problem = tracking(pk.kinetic_energy, pk.torque_norm, path=line(51), differences="backward")
+    front = pk.epsilon_front(problem, points=14, starts=12, observe=False)
+    ((before, after),) = front.jumps
+    widths, moves = np.ptp(front.ranges, axis=1), [(0, 0.05), (0, 0.15), (1, 0.05)]
+    for id in (before, after, after + 1):
+        for improve, by in moves:
+            row, payer = front[id].index, 1 - improve
+            wish = Wish(improve=improve, payers=(payer,), by=by)
+            best = best_from_all_points(problem, front, row, wish, (*OPTIONS.barriers, OPTIONS.high))
+            moved = front.navigate(id, improve=front.names[improve], by=by * widths[improve])
+            assert moved.minimised[moved.navigated.index, payer] <= best + 1e-5 * widths[payer]
+
+
+def test_no_move_is_refused_where_any_point_of_the_front_leads_there():
+    problem = directions_of_motors()
+    front = pk.epsilon_front(problem, points=12, starts=12, observe=False)
+    widths, count = np.ptp(front.ranges, axis=1), 0
+    for row, improve in ((row, k) for row in range(1, 4) for k in range(len(widths))):
+        wish = Wish(improve=improve, payers=((improve + 1) % len(widths),), by=0.05)
+        if np.isfinite(best_from_all_points(problem, front, row, wish, OPTIONS.barriers)):
+            payer = front.names[wish.payers[0]]
+            front.navigate(int(front.ids[row]), improve=front.names[improve], allow=payer, by=wish.by * widths[improve])
+            count += 1
+    assert count > 0
 
 
 def test_more_than_there_is_is_said_or_refused(plain):

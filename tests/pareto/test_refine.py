@@ -63,6 +63,21 @@ def test_points_that_are_critical_stay_bit_for_bit():
     assert np.array_equal(refined_points, z)
 
 
+@pytest.mark.parametrize("iterations", [5, 7, 9])
+def test_points_that_a_solver_stops_short_of_are_led_on_to_critical_ones_no_worse(iterations):
+    program, z = scaled(sketched(2, ellipses), (2.0, 25.0)), beside(6, seed=1)
+    options, names = refinement.OPTIONS, ("straight", "below", "near", "cold")
+    short = {name: getattr(options, name)._replace(iterations=iterations) for name in names}
+    with patch.object(refinement, "OPTIONS", replace(options, **short)):
+        refined_points, good = refinement.refine(program, z, 2)
+        with patch.object(refinement, "can_follow", lambda program: False):
+            _, solved = refinement.refine(program, z, 2)
+    assert not solved.all()
+    assert good.all()
+    assert certificates(program, refined_points).kkt_residual.max() <= 1e-8
+    assert (refined_points[:, 2:] <= z[:, 2:] + 1e-8).all()
+
+
 @pytest.mark.parametrize("last", [1, 3, 8])
 def test_where_observe_returns_true_later_points_stay_as_they_were(last):
     program, ranges, seen = sketched(2, ellipses), np.array([2.0, 25.0]), []

@@ -118,12 +118,9 @@ def test_a_refined_front_is_certified_and_no_worse_than_what_was_searched(exampl
     rough, front = names["rough"], names["front"]
     for point, better in zip(front.ids, front.objectives, strict=True):
         assert (better <= rough.objectives[rough.ids == point][0] * (1 + 1e-9)).all()
-    assert set(names["swept"].certificates.status) == {"minimum"}
-    assert names["swept"].certificates.kkt_residual.max() < 1e-6
-    certificates, is_minimum = front.certificates, front.certificates.status == "minimum"
-    assert is_minimum.mean() > 0.9  # in a flat valley rounding hides what a solver could gain, and the point says so
-    assert certificates.kkt_residual[is_minimum].max() < 1e-6
-    assert all(certificates.reason[~is_minimum])
+    for certified in (front, names["swept"]):
+        assert set(certified.certificates.status) == {"minimum"}
+        assert certified.certificates.kkt_residual.max() < 1e-6
     assert "swept" in repr(names["comparison"])
     rates = front.certificates.exchange_rates[:, 0, 1]
     assert (rates[np.isfinite(rates)] < 0).all()

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from studies.benchmarks.navigation import LEAST, MOST, Case, Goals, Tally, random_aim, rows_of
+from studies.benchmarks.navigation.cases import Case, Goals
+from studies.benchmarks.navigation.moves import OPTIONS, random_aim
+from studies.benchmarks.navigation.tally import Tally, rows_of
 from tests.front.test_navigation import front
 
 
@@ -15,7 +17,7 @@ def test_a_random_move_goes_no_further_than_the_best_of_the_front():
     for _ in range(100):
         row, aim = random_aim(one, 3, rng)
         k = aim.wish.improve
-        assert LEAST <= aim.wish.by <= MOST
+        assert OPTIONS.least <= aim.wish.by <= OPTIONS.most
         assert one.minimised[row, k] - aim.wish.by * widths[k] >= one.minimised[:, k].min() - 1e-12
         assert aim.wish.payers[0] != k
         assert aim.weights.sum() == pytest.approx(1.0)

@@ -1,0 +1,63 @@
+"""Random moves along certified fronts: certified, non-dominated, rates right, beside IPOPT and FATROP; losses first.
+
+    python -m studies.benchmarks.navigation [--quick] [--moves N] [--problems NAME ...] [--json FILE]
+
+Every move improves a random objective of a random point by 1 to 20 % of its range, no further than the best of the
+front, one random objective paying, the others held. A move counts as certified if its point has a residual of at most
+1e-6 and keeps its limits to 1e-8, as best if no method found a payer lower by more than 1e-5 of its range: ours from
+every point of the front, and the peers. Rates are those of a further move by 0.001 % against the certificate's. Peers
+start warm from the point that is left, and cold from one that a seed draws among the front's; where there is a compiler
+they get compiled code, on the Panda, whose code takes minutes to compile, CasADi's interpreter. FATROP cannot state a
+cycle, and neither of them obstacles, directions or paths that are not given. Times are processor time, ours with all
+that is followed and solved for a move.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+import paretoik as pk
+from studies.benchmarks.navigation.cases import CASES, QUICK, peers_of
+from studies.benchmarks.navigation.moves import random_aim, try_move
+from studies.benchmarks.navigation.tally import AROUND, Tally, rows_of
+from studies.reporting import Row, report, study_parser, tell
+
+
+def run_case(name: str, moves: int, folder: Path) -> list[Row]:
+    """Return the rows of a case after so many moves."""
+    case, tally, rng = CASES[name], Tally(), np.random.default_rng(0)
+    tell(f"{name}: its front")
+    problem = case.make()
+    front = pk.epsilon_front(problem, points=case.points, starts=12, seed=0, observe=False)
+    peers, bounds = peers_of(case, problem, folder), len(problem.program().upper)
+    denser = front.refine_around(int(front.ids[len(front) // 2]), points=AROUND)  # compiled once, too
+    tally.around = len(np.setdiff1d(denser.ids, front.ids))
+    for i in range(moves):
+        if i % 10 == 0:
+            tell(f"{name}: move {i} of {moves}")
+        row, aim = random_aim(front, bounds, rng)
+        try_move(front, row, aim, peers, rng, tally)
+    return rows_of(name, case, tally)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the benchmark from the command line."""
+    parser = study_parser(__doc__, quick="the papers' arm alone, 12 moves")
+    parser.add_argument("--moves", type=int, help="moves a problem (167: 1,000 in all; 12 with --quick)")
+    parser.add_argument("--problems", nargs="+", choices=list(CASES), metavar="NAME", help="only these problems")
+    options = parser.parse_args(arguments)
+    moves = options.moves if options.moves is not None else 12 if options.quick else 167
+    if moves < 1:
+        parser.error(f"--moves: at least 1 wanted, got {moves}")
+    with tempfile.TemporaryDirectory() as folder:
+        names = options.problems or (QUICK if options.quick else CASES)
+        rows = [row for name in names for row in run_case(name, moves, Path(folder))]
+    report(rows, json_file=options.json)
+
+
+if __name__ == "__main__":
+    main()
