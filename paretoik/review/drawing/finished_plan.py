@@ -21,6 +21,7 @@ from paretoik.review.drawing.recording_layout import TEXT, Layout, note_view, te
 from paretoik.review.drawing.replay_clock import ReplayClock, replay_times
 from paretoik.review.drawing.search_charts import DrawnChart
 from paretoik.review.drawing_options import DRAWING
+from paretoik.review.even_rows import even_rows
 from paretoik.review.palette import SCREEN, screen_label
 from paretoik.review.recording.planned import PlanEnd, PlannedLevel, PlannedScene
 from paretoik.review.recording.recorded_point import RecordedMotion, RecordedPoint
@@ -177,9 +178,8 @@ class FinishedPlan:
     def _walk(self) -> list[tuple[int, PlannedLevel, int, tuple[RecordedPoint, RecordedPoint]]]:
         """Number, level and row of the starts that are shown one by one, each with what it led to as points."""
         rows = [(level, row) for level in self.messages for row in range(len(level.starts))]
-        count = min(len(rows), DRAWING.starts)
-        picked = np.unique(np.linspace(0, max(len(rows) - 1, 0), count).round().astype(int))
-        return [(int(place) + 1, *rows[place], _start_and_end(*rows[place])) for place in picked]
+        picked = even_rows(len(rows), DRAWING.starts).tolist()
+        return [(place + 1, *rows[place], _start_and_end(*rows[place])) for place in picked]
 
     @property
     def _count(self) -> int:

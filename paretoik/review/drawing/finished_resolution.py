@@ -20,6 +20,7 @@ from paretoik.review.drawing.recording_layout import TEXT, Layout, note_view, te
 from paretoik.review.drawing.resolution_text import damping_unit, motion_text, speed_unit, step_text
 from paretoik.review.drawing.search_charts import DrawnChart
 from paretoik.review.drawing_options import DRAWING
+from paretoik.review.even_rows import even_rows
 from paretoik.review.palette import SCREEN, Colour
 from paretoik.review.recording.recorded_point import RecordedPoint
 from paretoik.review.recording.resolved import RecordedTraces, ResolutionEnd, ResolvedScene
@@ -111,8 +112,7 @@ class FinishedResolution:
     def _beside(self) -> list[RecordedTraces]:
         """Motions that are drawn beside the first one, a colour each."""
         others = list(self.end.motions[1:])
-        count = min(len(others), len(SCREEN.ends))
-        return [others[place] for place in np.unique(np.linspace(0, len(others) - 1, count).round().astype(int))]
+        return [others[place] for place in even_rows(len(others), len(SCREEN.ends))]
 
     @cached_property
     def _together(self) -> list[RecordedPoint]:

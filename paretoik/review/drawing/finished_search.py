@@ -25,6 +25,7 @@ from paretoik.review.drawing.replay_clock import ReplayClock, has_motions, repla
 from paretoik.review.drawing.search_charts import DrawnChart, log_series, search_charts
 from paretoik.review.drawing.search_scene import SearchScene, replay_window
 from paretoik.review.drawing_options import DRAWING
+from paretoik.review.even_rows import even_rows
 from paretoik.review.recording.recorded_end import end_points, front_point
 from paretoik.review.recording.recorded_point import RecordedPoint
 from paretoik.review.recording.recorder import Generation, SearchedFront, SearchEnd
@@ -171,7 +172,7 @@ class FinishedSearch:
         front, choice = self.end.front, self.end.choice
         if front is None or not len(front):
             return []
-        rows = set(np.linspace(0, len(front) - 1, min(len(front), DRAWING.walk)).round().astype(int).tolist())
+        rows = set(even_rows(len(front), DRAWING.walk).tolist())
         rows |= set() if choice is None else {choice.index}
         return [front_point(front, row) for row in sorted(rows)]
 

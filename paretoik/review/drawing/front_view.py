@@ -22,6 +22,7 @@ from paretoik.inputs import check_function
 from paretoik.review.drawing.choice_layer import ROOTS, ChoiceLayer
 from paretoik.review.drawing.parallel_axes import drawn_rows
 from paretoik.review.drawing_options import DRAWING
+from paretoik.review.even_rows import even_rows
 from paretoik.review.recording.recorded_end import front_point
 
 PACKAGE = "rerun_notebook"
@@ -39,8 +40,7 @@ class FrontView:
         self._selected: Ids = np.zeros(0, dtype=np.int64)
         self._callbacks = list[Callable[[Ids], object]]()
         self._times = np.zeros(0)  # of all motions that were shown
-        rows = np.linspace(0, len(front) - 1, min(len(front), DRAWING.walk)).round().astype(int)
-        around = tuple(front_point(front, row) for row in np.unique(rows).tolist())
+        around = tuple(front_point(front, row) for row in even_rows(len(front), DRAWING.walk).tolist())
         self._layer = ChoiceLayer(
             front=front, choices=(self._choice,), names=("selected point",), around=around, width=CELL
         )

@@ -15,6 +15,7 @@ from paretoik.review.drawing.arm_drawing import ArmDrawing
 from paretoik.review.drawing.curve_charts import Chart
 from paretoik.review.drawing.joint_charts import joint_charts
 from paretoik.review.drawing.screen_text import entity_names, screen_text
+from paretoik.review.even_rows import even_rows
 from paretoik.review.palette import SCREEN
 from paretoik.review.recording.recorded_point import RecordedMotion, RecordedPoint, joint_curves
 from paretoik.review.recording.workcell import Workcell
@@ -75,7 +76,7 @@ class MotionScene:
                 colour, width = (SCREEN.path, 1.4) if chosen else (SCREEN.end(point.axis or 0), 1.0)
                 recording.log(f"{layer}/path", drawing.strips([links[:, -1]], colour, width, 1.0))
             if chosen:
-                ghosts = drawing.strips(list(links[self._ghost_rows(len(links))]), SCREEN.ghost, 1.0, 0.0)
+                ghosts = drawing.strips(list(links[even_rows(len(links), SCREEN.ghosts)]), SCREEN.ghost, 1.0, 0.0)
                 recording.log(f"{layer}/ghosts", ghosts)
                 curves = self._curves(point.motion)
                 for kind, chart in self.charts.items():
@@ -84,7 +85,7 @@ class MotionScene:
 
     def log_postures(self, recording: rr.RecordingStream, postures: Float[np.ndarray, "postures dof"]) -> None:
         """Draw postures as ghosts, for all times."""
-        rows = self._ghost_rows(len(postures))
+        rows = even_rows(len(postures), SCREEN.ghosts)
         ghosts = self.drawing.strips(list(self._links(postures[rows])), SCREEN.ghost, 1.0, 0.0)
         recording.log(f"{self.drawing.entity}/postures", ghosts, static=True)
 
@@ -140,7 +141,7 @@ class MotionScene:
     def drawing(self) -> ArmDrawing:
         """Where arms are drawn."""
         motions = [point.motion for point in self.points if point.motion is not None]
-        picked = [motion.q[self._ghost_rows(len(motion.q))] for motion in motions]
+        picked = [motion.q[even_rows(len(motion.q), SCREEN.ghosts)] for motion in motions]
         nodes = self._links(np.concatenate(picked)).reshape(-1, 3)
         return ArmDrawing(entity=f"{self.root}arm", workcell=self.workcell, nodes=nodes)
 
@@ -175,7 +176,3 @@ class MotionScene:
 
     def _links(self, q: Float[np.ndarray, "rows dof"]) -> Float[np.ndarray, "rows nodes 3"]:
         return np.asarray(link_nodes(self.workcell.arm, q))
-
-    @staticmethod
-    def _ghost_rows(count: int) -> np.ndarray:
-        return np.unique(np.linspace(0, count - 1, min(SCREEN.ghosts, count)).round().astype(int))

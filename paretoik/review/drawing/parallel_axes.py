@@ -13,6 +13,7 @@ from paretoik.arrays import Objectives, Values
 from paretoik.review.drawing.curve_charts import TOTAL
 from paretoik.review.drawing.drawn_axes import TEXT, fitting_ticks, labels, text_width, tick_text
 from paretoik.review.drawing_options import DRAWING
+from paretoik.review.even_rows import even_rows
 from paretoik.review.palette import SCREEN, Colour
 
 ENDS = 0.6 * TEXT.line  # from an axis's end to the middle of its words [pixels]
@@ -104,5 +105,4 @@ class ParallelAxes:
 
 def drawn_rows(count: int) -> Int[np.ndarray, " rows"]:
     """Return the rows of so many points that have a line."""
-    rows = np.linspace(0, max(count - 1, 0), min(DRAWING.parallel_lines, count))
-    return np.unique(rows.round().astype(int))
+    return even_rows(count, DRAWING.parallel_lines)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from paretoik.arrays import Times
+from paretoik.review.even_rows import even_rows
 from paretoik.review.recording.recorded_point import RecordedPoint
 
 
@@ -36,10 +37,7 @@ class ReplayClock:
     def of(generations: Sequence[Sequence[RecordedPoint]]) -> ReplayClock:
         """Return the clock of the points of generations: those that move are spread evenly over those with motions."""
         able = [i for i, points in enumerate(generations) if has_motions(points)]
-        picked = np.unique(
-            np.linspace(0, max(len(able) - 1, 0), min(len(able), OPTIONS.generations)).round().astype(int)
-        )
-        moving = frozenset(able[i] for i in picked)
+        moving = frozenset(able[i] for i in even_rows(len(able), OPTIONS.generations))
         lengths = [OPTIONS.moving if i in moving else OPTIONS.standing for i in range(len(generations))]
         ends = np.cumsum([0.0, *lengths])
         return ReplayClock(begins=ends[:-1], moving=moving, end=float(ends[-1]))
@@ -50,7 +48,7 @@ def replay_times(point: RecordedPoint, points: Sequence[RecordedPoint], begin: f
     motion = point.motion
     assert motion is not None
     longest = max(float(each.motion.time[-1] - each.motion.time[0]) for each in points if each.motion is not None)
-    rows = np.unique(np.linspace(0, len(motion.time) - 1, OPTIONS.samples).round().astype(int))
+    rows = even_rows(len(motion.time), OPTIONS.samples)
     share = (motion.time[rows] - motion.time[0]) / max(longest, 1e-12)
     return rows, begin + 0.9 * OPTIONS.moving * share
 
