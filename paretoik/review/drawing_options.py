@@ -16,8 +16,9 @@ class DrawingOptions:
     Timelines of generations play ``frames`` of them a second, those of a few things that are looked at one by one
     ``slow_frames``.
 
-    A limit is in the chart where it lies at most ``limit_distance`` ranges of the curves off, and counts as kept where
-    it is passed by at most such a share of its range, ``kept``. A value that is at most such a share of the largest,
+    A limit is in the chart where it lies at most ``limit_distance`` ranges of the curves off, and counts as respected
+    where it is passed by at most such a share of its range, ``limit_tolerance``. Errors below ``least_error`` are drawn
+    as that, since their logarithm is. A value that is at most such a share of the largest,
     ``rounding``, is written as 0. Outlines of obstacles
     have so many ``corners``; where a body meets the plane is found on a grid of ``section`` points a side. Meshes are
     drawn up to so many ``mesh_bytes``, since a recording holds them whole.
@@ -33,11 +34,74 @@ class DrawingOptions:
     frames: float = 6.0
     slow_frames: float = 1.0
     limit_distance: float = 2.5
-    kept: float = 1e-6
+    limit_tolerance: float = 1e-6
+    least_error: float = 1e-16
     rounding: float = 1e-10
     corners: int = 96
     section: int = 160
     mesh_bytes: float = 40e6
 
 
+@dataclass(frozen=True, kw_only=True)
+class ViewSizes:
+    """Sizes of views [pixels] in a viewer of 1600 by 900, which shows text in one size whatever its own is.
+
+    ``width`` is the viewer's, ``cell`` that of a notebook's; ``body`` the height below the viewer's own bars, ``title``
+    that of a view's title, ``columns`` the widths of the front, the arm and the words. ``panels`` and ``chart`` are
+    width and height of what stands above and below in a column. Of a row of tabs the viewer takes ``tab_controls`` at
+    its right end, and for each ``tab_margin`` around a name whose letters are ``tab_character`` wide.
+    """
+
+    width: float = 1600.0
+    cell: float = 1000.0
+    body: float = 830.0
+    title: float = 24.0
+    columns: tuple[float, float, float] = (600.0, 600.0, 400.0)
+    panels: tuple[float, float] = (600.0, 500.0)
+    chart: tuple[float, float] = (600.0, 236.0)
+    tab_controls: float = 116.0
+    tab_margin: float = 28.0
+    tab_character: float = 6.4
+
+
+@dataclass(frozen=True, kw_only=True)
+class MarkSizes:
+    """Sizes of marks and what stands around them, in pixels of the same viewer where nothing else is said.
+
+    ``end`` is the radius of a best point, wider by ``ring`` around each mark on top of it. Labels stay ``clearance``
+    off the middle of their mark; those that find no room there go ``label_steps`` off, in heights of a label from the
+    nearest place on, and ``outside`` is what leaving the frame counts, in marks that are covered: more than there ever
+    are. Their lines are ``label_line`` apart. Limits have dashes of ``dash``. Of a curve of dots more than
+    ``many_dots`` are small ones; axes leave ``dot_margin`` of their range free beside them, so that none is cut.
+    """
+
+    end: float = 5.2
+    ring: float = 3.0
+    clearance: float = 9.0
+    label_steps: tuple[float, ...] = (1.0, 2.0, 3.5)
+    outside: float = 1000.0
+    label_line: float = 16.0
+    dash: float = 7.0
+    many_dots: int = 40
+    dot_margin: float = 0.02
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneOptions:
+    """Lengths in scenes of arms, as shares, since scenes have any size.
+
+    ``arrow`` is how long the arrow of a direction is, of the arm's extent; ``bead_gap`` how far beads of a path are
+    apart, of the scene's; a link shorter than ``shortest`` of the longest joins joints in one place, and is none. The
+    ground sign turns where the cosine between it and a link is above ``covered``: the link would lie over it.
+    """
+
+    arrow: float = 0.25
+    bead_gap: float = 0.04
+    shortest: float = 1e-6
+    covered: float = 0.6
+
+
 DRAWING = DrawingOptions()
+VIEWS = ViewSizes()
+MARKS = MarkSizes()
+SCENES = SceneOptions()

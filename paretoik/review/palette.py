@@ -10,13 +10,17 @@ Colour: TypeAlias = tuple[int, int, int, int]
 
 @dataclass(frozen=True, kw_only=True)
 class PicturePalette:
-    """Colours of pictures; ``accents`` are taken in turn, ``postures`` is how many of a motion are drawn."""
+    """Colours of pictures; ``accents`` are taken in turn.
+
+    ``postures`` is how many of a motion are drawn, ``motions`` how many of a plan stand side by side.
+    """
 
     ink: str = "#1f2933"
     quiet: str = "#7b8794"
     grid: str = "#e4e7eb"
     accents: tuple[str, ...] = ("#d9480f", "#0b7285", "#5f3dc4", "#2b8a3e")
     postures: int = 8
+    motions: int = 3
 
     def accent(self, number: int) -> str:
         """Return the accent of a number, from the first again after the last."""

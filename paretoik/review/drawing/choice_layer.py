@@ -18,7 +18,7 @@ import rerun.blueprint as rrb
 from paretoik.arrays import Times
 from paretoik.front.front import Choice, Front
 from paretoik.review.drawing.drawn_axes import Canvas
-from paretoik.review.drawing.legend import WIDTH, Legend
+from paretoik.review.drawing.legend import Legend
 from paretoik.review.drawing.legend_entries import choice_entries
 from paretoik.review.drawing.motion_scene import MotionScene
 from paretoik.review.drawing.parallel_axes import ParallelAxes
@@ -26,6 +26,7 @@ from paretoik.review.drawing.point_text import choice_text
 from paretoik.review.drawing.recorded_views import RecordedRun, read_recorded, recorded_tab
 from paretoik.review.drawing.recording_layout import choice_blueprint
 from paretoik.review.drawing.search_scene import SearchScene
+from paretoik.review.drawing_options import VIEWS
 from paretoik.review.palette import SCREEN
 from paretoik.review.recording.recorded_end import chosen_point
 from paretoik.review.recording.recorded_point import RecordedPoint
@@ -67,7 +68,7 @@ class ChoiceLayer:
     recorded: RecordedRun | None = None
     names: tuple[str, ...] = ()
     around: tuple[RecordedPoint, ...] = ()
-    width: float = WIDTH
+    width: float = VIEWS.width
 
     def log(self, stream: rr.RecordingStream) -> None:
         """Draw the front with the choices, what is to be known of them, and their arms."""
@@ -102,7 +103,7 @@ class ChoiceLayer:
                 ids=np.array([choice.id]),
                 named=True,
                 static=True,
-                beside=self.front.objectives,
+                avoided=self.front.objectives,
             )
             if self._parallel is not None:
                 colour = SCREEN.chosen if root == ROOTS[0] else SCREEN.compared
@@ -142,7 +143,7 @@ class ChoiceLayer:
         front = self.scene.view() if self._canvases else None
         name = " beside ".join(self._names)
         tab = None if self.recorded is None else recorded_tab(self.scene, self._motions[0], self.recorded)
-        narrow = self.width < WIDTH
+        narrow = self.width < VIEWS.width
         return choice_blueprint(self._legend, front, below, arms, texts, name=name, recorded=tab, narrow=narrow)
 
     @property

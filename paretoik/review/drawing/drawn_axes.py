@@ -107,11 +107,12 @@ class Canvas:
             middle = min(x + width / 2, self.right_edge - 0.5 * text_width(self.labels[0]) - 8.0)
             places.append(np.array([middle, y + height + 1.75 * TEXT.line + self.label_drop]))
         if self.ticked[1]:
-            beside = self.place(np.array([(self.low[0], tick) for tick in along]).reshape(-1, 2))
-            beside_words = tick_words(along)
-            words += beside_words
+            tick_places = self.place(np.array([(self.low[0], tick) for tick in along]).reshape(-1, 2))
+            tick_labels = tick_words(along)
+            words += tick_labels
             places += [
-                place - (0.5 * text_width(word) + 6.0, 0.0) for place, word in zip(beside, beside_words, strict=True)
+                place - (0.5 * text_width(word) + 6.0, 0.0)
+                for place, word in zip(tick_places, tick_labels, strict=True)
             ]
             words.append(self.labels[1])
             places.append(np.array([x - 0.8 * TEXT.left + 0.5 * text_width(self.labels[1]), y - 0.95 * TEXT.line]))

@@ -120,7 +120,7 @@ class FinishedSearch:
         self._at_the_end(stream)
         scene, points = self.scene, self._end_points
         scene.log_points(stream, "front", front.objectives, self._canvases, ids=front.ids, named=True)
-        scene.log_marked(stream, points, self._canvases, beside=front.objectives)
+        scene.log_marked(stream, points, self._canvases, avoided=front.objectives)
         if self._parallel is not None:
             chosen = None if self.end.choice is None else self.end.choice.objectives
             scene.log_lines(stream, self._parallel, front.objectives, chosen)
@@ -158,7 +158,7 @@ class FinishedSearch:
             stream.reset_time()
             stream.set_time("point", sequence=number)
             named, F = self.end.choice is None or point.id != self.end.choice.id, front.objectives
-            self.scene.log_looked_at(stream, point, self._canvases, self._parallel, beside=F, named=named)
+            self.scene.log_looked_at(stream, point, self._canvases, self._parallel, avoided=F, named=named)
             words = point_text(front, int(np.flatnonzero(front.ids == point.id)[0]), chosen=self.end.choice)
             stream.log(TEXT, rr.TextDocument(words, media_type="text/markdown"))
             if self._motions is not None:

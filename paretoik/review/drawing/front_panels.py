@@ -11,10 +11,9 @@ import rerun.blueprint as rrb
 
 from paretoik.arrays import Objectives, Values
 from paretoik.review.drawing.drawn_axes import TEXT, Canvas, window
-from paretoik.review.drawing_options import DRAWING
+from paretoik.review.drawing_options import DRAWING, VIEWS
 from paretoik.review.palette import SCREEN
 
-VIEW = (600.0, 500.0)  # of the whole view [pixels]
 Pair = tuple[int, int]
 
 
@@ -59,8 +58,8 @@ class Panels:
         rows = count if matrix else int(np.ceil(count / columns))
         column, row = (first, second - 1) if matrix else (number % columns, number // columns)
         across, below = (12.0, TEXT.line + 8.0) if matrix else (TEXT.left + 10.0, TEXT.top + TEXT.bottom)
-        width = (VIEW[0] - TEXT.left - TEXT.right - (columns - 1) * across) / columns
-        height = (VIEW[1] - TEXT.top - TEXT.bottom - self._stagger - (rows - 1) * below) / rows
+        width = (VIEWS.panels[0] - TEXT.left - TEXT.right - (columns - 1) * across) / columns
+        height = (VIEWS.panels[1] - TEXT.top - TEXT.bottom - self._stagger - (rows - 1) * below) / rows
         down = self._stagger * (column % 2) if matrix else 0.0
         return Canvas(
             low=low,
@@ -71,7 +70,7 @@ class Panels:
             origin=np.array([column * (width + across), row * (height + below)]),
             ticked=(row == rows - 1, column == 0) if matrix else (True, True),
             label_drop=down,
-            right_edge=VIEW[0] - TEXT.left,
+            right_edge=VIEWS.panels[0] - TEXT.left,
         )
 
     @property
@@ -80,5 +79,5 @@ class Panels:
         count = len(self.labels) - 1
         if not 1 < count < DRAWING.matrix:
             return 0.0
-        room = VIEW[0] / count
+        room = VIEWS.panels[0] / count
         return TEXT.line if TEXT.character * max(map(len, self.labels)) > room - 10.0 else 0.0

@@ -50,11 +50,11 @@ class Ground:
         colours = [SCREEN.grid] * len(lines) + [SCREEN.frame] * (1 + len(marks))
         strips = rr.LineStrips3D([*lines, *upright, *marks], colors=colours, radii=rr.Radius.ui_points(0.7))
         recording.log(f"{entity}/grid", strips, static=True)
-        beside = 0.07 * float((self.high - self.low).max())
-        places = [(a, y0 - beside, z0) for a in x[1:-1]] + [(x1 + beside, b, z0) for b in y[1:-1]]
-        places += [(x0 - beside, y0 - 0.3 * beside, c) for c in z[1:]]
+        gap = 0.07 * float((self.high - self.low).max())
+        places = [(a, y0 - gap, z0) for a in x[1:-1]] + [(x1 + gap, b, z0) for b in y[1:-1]]
+        places += [(x0 - gap, y0 - 0.3 * gap, c) for c in z[1:]]
         words = [tick_text(tick) for tick in (*x[1:-1], *y[1:-1], *z[1:])]
-        names = [((x0 + x1) / 2, y0 - 2.6 * beside, z0), (x1 + 2.6 * beside, (y0 + y1) / 2, z0), (x0, y0, z1 + beside)]
+        names = [((x0 + x1) / 2, y0 - 2.6 * gap, z0), (x1 + 2.6 * gap, (y0 + y1) / 2, z0), (x0, y0, z1 + gap)]
         text = rr.Points3D(
             places + names,
             labels=[*words, *self.labels],

@@ -9,13 +9,10 @@ import rerun as rr
 from jaxtyping import Float
 
 from paretoik.review.drawing.drawn_axes import TEXT, Canvas, labels, text_width
+from paretoik.review.drawing_options import MARKS
 from paretoik.review.palette import Colour
 
 SIDES = np.array([(1, 0), (-1, 0), (0, -1), (0, 1), (1, -1), (-1, -1), (1, 1), (-1, 1)], dtype=float)
-STEPS = (1.0, 2.0, 3.5)  # how far off, in heights of a label beside the nearest place
-LINE = 16.0  # from one line of a label to the next [pixels]
-MARK = 9.0  # radius of a mark [pixels]
-OUTSIDE = 1000.0  # what it costs to leave the frame, in marks that are covered
 
 
 def label_place(
@@ -28,13 +25,15 @@ def label_place(
     lines = words.split("\n")
     half = np.array([0.5 * text_width(max(lines, key=len)) + 8.0, 0.5 * TEXT.line + _below_first(words)])
     low, high = canvas.origin, canvas.origin + np.array([canvas.width, canvas.height])
-    middles = np.concatenate([mark + SIDES * (half + MARK + (step - 1.0) * TEXT.line) for step in STEPS])
+    middles = np.concatenate(
+        [mark + SIDES * (half + MARKS.clearance + (step - 1.0) * TEXT.line) for step in MARKS.label_steps]
+    )
     covered = (np.abs(others[None] - middles[:, None]) < half + 4.0).all(axis=2).sum(axis=1)
     outside = ((middles - half < low) | (middles + half > high)).any(axis=1)
-    return np.asarray(middles[(covered + OUTSIDE * outside).argmin()])
+    return np.asarray(middles[(covered + MARKS.outside * outside).argmin()])
 
 
-def label_beside(canvas: Canvas, mark: np.ndarray, words: str, others: np.ndarray, colour: Colour) -> rr.Points2D:
+def placed_label(canvas: Canvas, mark: np.ndarray, words: str, others: np.ndarray, colour: Colour) -> rr.Points2D:
     """Return the label of a `mark` at the best place for it."""
     first = label_place(canvas, mark, words, others) - (0.0, _below_first(words))
     return labels([words], first[None], colour)
@@ -56,10 +55,10 @@ def log_name(
     """
     at, label = canvas.place(places), rr.Points2D([])
     if words and canvas.shows(places[:1])[0]:
-        label = label_beside(canvas, at[0], words[0], at, colour)
+        label = placed_label(canvas, at[0], words[0], at, colour)
     recording.log(list(entity), label, static=static)
 
 
 def _below_first(words: str) -> float:
     """Return how far the middle of words lies below that of their first line [pixels]."""
-    return 0.5 * LINE * words.count("\n")
+    return 0.5 * MARKS.label_line * words.count("\n")

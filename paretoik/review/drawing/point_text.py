@@ -180,7 +180,9 @@ def run_text(provenance: Mapping[str, Any]) -> str:
     """Return what is to be known of a run: its problem, settings, and how long it took; "" for nothing."""
     settings = dict(provenance.get("settings") or {})
     shown = [
-        f"- {name.replace('_', ' ')}: {_said(settings[name])}" for name in SETTINGS if settings.get(name) is not None
+        f"- {name.replace('_', ' ')}: {_setting_text(settings[name])}"
+        for name in SETTINGS
+        if settings.get(name) is not None
     ]
     counts, status = provenance.get("counts") or {}, provenance.get("status")
     took = [counted(counts[name], *words) for name, words in COUNTS.items() if isinstance(counts.get(name), int)]
@@ -197,7 +199,7 @@ def counted(number: int, one: str, many: str = "") -> str:
     return f"{number} {one if number == 1 else many or one + 's'}"
 
 
-def _said(setting: object) -> str:
+def _setting_text(setting: object) -> str:
     return {True: "yes", False: "no"}[setting] if isinstance(setting, bool) else str(setting)
 
 

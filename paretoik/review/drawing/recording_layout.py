@@ -7,16 +7,11 @@ from dataclasses import dataclass, field
 
 import rerun.blueprint as rrb
 
-from paretoik.review.drawing.curve_charts import TOTAL
-from paretoik.review.drawing.front_panels import VIEW
 from paretoik.review.drawing.legend import Legend
 from paretoik.review.drawing.view_tabs import fitting_tabs
-from paretoik.review.drawing_options import DRAWING
+from paretoik.review.drawing_options import DRAWING, VIEWS
 
 TEXT = "text"  # entity of what is said of the point shown
-TITLE = 24.0  # height of a view's title [pixels]
-BODY = 830.0  # height of everything below the viewer's own bars [pixels]
-WIDTHS = (600.0, 600.0, 400.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,11 +53,11 @@ class Layout:
         front, charts = self.front, list(self.charts)
         if front is None and charts:
             front, charts = charts[0], charts[1:]
-        columns = [(_column(front, charts), WIDTHS[0]), (_column(self.arm, self.joints), WIDTHS[1])]
-        columns.append((rrb.Tabs(*self.texts) if self.texts else None, WIDTHS[2]))
+        columns = [(_column(front, charts), VIEWS.columns[0]), (_column(self.arm, self.joints), VIEWS.columns[1])]
+        columns.append((rrb.Tabs(*self.texts) if self.texts else None, VIEWS.columns[2]))
         present = [(column, width) for column, width in columns if column is not None]
         views = rrb.Horizontal(*(column for column, _ in present), column_shares=[width for _, width in present])
-        shares = [self.legend.height, BODY - self.legend.height]
+        shares = [self.legend.height, VIEWS.body - self.legend.height]
         return rrb.Vertical(self.legend.view(), views, row_shares=shares, name=self.name)
 
     def _time_panel(self) -> rrb.TimePanel:
@@ -103,7 +98,7 @@ def choice_blueprint(
     else:
         left = _column(front, [*texts, *below])
         columns = [each for each in (left, *(_column(arm, joints) for arm, joints in arms)) if each is not None]
-        shares = [legend.height, BODY - legend.height]
+        shares = [legend.height, VIEWS.body - legend.height]
         body = rrb.Vertical(legend.view(), rrb.Horizontal(*columns), row_shares=shares, name=name)
     return rrb.Blueprint(
         body if recorded is None else rrb.Tabs(body, recorded),
@@ -125,6 +120,6 @@ def note_view() -> rrb.View:
 
 
 def _column(above: rrb.View | None, below: Sequence[rrb.View]) -> rrb.Container | None:
-    views = ([above] if above is not None else []) + ([fitting_tabs(below, VIEW[0])] if below else [])
-    shares = [VIEW[1] + TITLE, TOTAL[1] + TITLE][: len(views)]
+    views = ([above] if above is not None else []) + ([fitting_tabs(below, VIEWS.panels[0])] if below else [])
+    shares = [VIEWS.panels[1] + VIEWS.title, VIEWS.chart[1] + VIEWS.title][: len(views)]
     return rrb.Vertical(*views, row_shares=shares) if views else None

@@ -117,7 +117,7 @@ class SearchScene:
             self.log_points(recording, "chosen", generation.chosen[None], canvases, reference=reference)
         of = f" of level {generation.number}" if self.timeline == "level" else ""  # the final front numbers anew
         everything = np.concatenate([generation.front, generation.population])
-        self.log_marked(recording, generation.points, canvases, of=of, beside=everything)
+        self.log_marked(recording, generation.points, canvases, of=of, avoided=everything)
         if parallel is not None:
             marked = [point.objectives for point in generation.points if point.axis is None]
             chosen = marked[0] if marked else generation.chosen
@@ -148,14 +148,14 @@ class SearchScene:
         of: str = "",
         reference: Population | None = None,
         static: bool = False,
-        beside: Population | None = None,
+        avoided: Population | None = None,
         words: Sequence[str] | None = None,
     ) -> None:
         """Draw points as a layer of every panel, normalised by the ranges of a ``reference`` front if there is one.
 
         Points outside a window are not drawn, but their numbers are kept with the others. Where points are ``named``,
         ``of`` says whose ids they have. What is chosen or looked at has its label, ``words`` or its name, where it
-        covers fewest of the points ``beside`` it.
+        covers fewest of the points that are ``avoided``.
         """
         colour, radius, order = LAYERS[layer]
         drawn = F if reference is None else _normalise(F, reference)
@@ -169,7 +169,7 @@ class SearchScene:
             recording.log([*self._panel(pair), layer], points, static=static)
             if order > 3.0 and pair == self.panels.pairs[0]:
                 shown = names if words is None else words
-                others = pairwise if beside is None else np.concatenate([pairwise, beside[:, list(pair)]])
+                others = pairwise if avoided is None else np.concatenate([pairwise, avoided[:, list(pair)]])
                 log_name(recording, [*self._panel(pair), layer, "name"], canvas, shown, others, colour, static=static)
         if layer != "final":
             numbers: dict[str, Any] = {} if ids is None else {"ids": ids}
@@ -183,17 +183,17 @@ class SearchScene:
         canvases: Sequence[Canvas],
         *,
         of: str = "",
-        beside: Population | None = None,
+        avoided: Population | None = None,
     ) -> None:
-        """Draw the best points of the objectives in their colours, and the chosen one, their labels off ``beside``.
+        """Draw the best points of the objectives in their colours, and the chosen one.
 
-        ``of`` says whose ids they have.
+        Their labels are off what is to be ``avoided``. ``of`` says whose ids they have.
         """
         ends = any(point.axis is not None for point in points)
         for pair, canvas in self._panels(canvases) if ends else ():
             columns = list(pair)
             places = np.array([point.objectives[columns] for point in points])
-            others = places[:0] if beside is None else beside[:, columns]
+            others = places[:0] if avoided is None else avoided[:, columns]
             named = others if pair == self.panels.pairs[0] else None
             log_ends(recording, self._panel(pair), canvas, places, points, self.names, named, of=of)
         for row, point in enumerate(points):
@@ -202,7 +202,7 @@ class SearchScene:
                 words = [f"point {point.id}{of}" + (f"\n{best}" if best else "")]
                 ids, F = np.array([point.id]), point.objectives[None]
                 self.log_points(
-                    recording, "chosen", F, canvases, ids=ids, named=True, beside=beside, of=of, words=words
+                    recording, "chosen", F, canvases, ids=ids, named=True, avoided=avoided, of=of, words=words
                 )
 
     def log_looked_at(
@@ -212,15 +212,16 @@ class SearchScene:
         canvases: Sequence[Canvas],
         parallel: ParallelAxes | None,
         *,
-        beside: Population | None = None,
+        avoided: Population | None = None,
         named: bool = True,
     ) -> None:
         """Mark a point that is looked at, beside the chosen one and the best of the objectives.
 
-        Its label is off ``beside``; it has none where it is not ``named``, as the chosen one, which has its own.
+        Its label is off what is to be ``avoided``; it has none where it is not ``named``, as the chosen one, which has
+        one anyway.
         """
         F, ids, words = point.objectives[None], np.array([point.id]), None if named else ()
-        self.log_points(recording, "looked_at", F, canvases, ids=ids, named=True, beside=beside, words=words)
+        self.log_points(recording, "looked_at", F, canvases, ids=ids, named=True, avoided=avoided, words=words)
         if parallel is not None:
             recording.log(f"{parallel.entity}/looked_at", parallel.lines(F, SCREEN.arm, 2.2, 5.0))
 

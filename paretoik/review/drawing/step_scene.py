@@ -19,6 +19,7 @@ from paretoik.review.drawing.arm_drawing import ArmDrawing
 from paretoik.review.drawing.drawn_axes import Canvas
 from paretoik.review.drawing.legend import Legend
 from paretoik.review.drawing.search_scene import SearchScene, replay_window
+from paretoik.review.drawing_options import VIEWS
 from paretoik.review.palette import SCREEN
 from paretoik.review.recording.recorder import SearchedStep
 from paretoik.review.recording.workcell import Workcell
@@ -45,7 +46,7 @@ class StepScene:
         """Return the views: the fronts, and beside them the arm, below a legend."""
         arm = self._drawing.view(f"arms of the front, step {self.step.sample}")
         views = rrb.Horizontal(self._scene.view(), arm) if self._canvases else arm
-        shares = [self._legend.height, 800.0]
+        shares = [self._legend.height, VIEWS.body - self._legend.height]
         return rrb.Vertical(self._legend.view(), views, row_shares=shares, name=f"search of step {self.step.sample}")
 
     def log(self, recording: rr.RecordingStream, end: Mapping[str, float]) -> None:
@@ -93,7 +94,7 @@ class StepScene:
         row = np.array([individual])
         objectives = self.step.objectives[number, row]
         front = self.step.objectives[number, self.step.fronts[number]]
-        self._scene.log_points(recording, "chosen", objectives, self._canvases, ids=row, named=True, beside=front)
+        self._scene.log_points(recording, "chosen", objectives, self._canvases, ids=row, named=True, avoided=front)
         links = self._links(number, row)[0]
         self._drawing.log_arm(recording, "chosen", links, colour=SCREEN.arm, solid=True)
 

@@ -11,9 +11,16 @@ import pytest
 import paretoik as pk
 from paretoik.front.compromise import compromise
 from tests.review.children import children
-from tests.review.reading import blank_views, last_text, missing_entities, read, rows, static_values, static_words
-
-SECOND = 1_000_000_000  # durations are nanoseconds
+from tests.review.reading import (
+    SECOND,
+    blank_views,
+    last_text,
+    missing_entities,
+    read,
+    rows,
+    static_values,
+    static_words,
+)
 
 
 def arm() -> pk.Arm:

@@ -18,9 +18,7 @@ from paretoik.review.recording.recorded_point import record_motion
 from paretoik.review.recording.workcell import workcell_of
 from problems.kim_2021 import directions_dam, point_to_point_dam
 from problems.marcos_2012 import loop
-from tests.review.reading import FRAME, blank_views, missing_entities, read, rows, shown, static_words, views
-
-SECOND = 1_000_000_000  # durations are nanoseconds
+from tests.review.reading import FRAME, SECOND, blank_views, missing_entities, read, rows, shown, static_words, views
 
 
 def planar() -> pk.Tracking:
