@@ -12,9 +12,10 @@ class DrawingOptions:
     Up to ``matrix`` objectives every pair has a panel, beyond only neighbours; parallel coordinates come from
     ``parallel`` objectives on, and more than ``parallel_lines`` points are a grey area there. The timeline along the
     front has at most so many points, ``walk``, that along the starts of a plan so many, ``starts``. Of a plan's
-    optima so many, ``optima``, are listed, and what so large a share of starts as ``near`` led to is on its axes.
+    optima so many, ``optima``, are listed, and what so large a share of starts as ``near`` led to is on its axes; of
+    starts that begin with better values than any optimum only those that are near by so much less, ``better``.
     Timelines of generations play ``frames`` of them a second, those of a few things that are looked at one by one
-    ``slow_frames``.
+    ``slow_frames``. Along a motion the arm stands in at least so many postures, ``motion_frames``.
 
     A limit is in the chart where it lies at most ``limit_distance`` ranges of the curves off, and counts as respected
     where it is passed by at most such a share of its range, ``limit_tolerance``. Errors below ``least_error`` are drawn
@@ -31,8 +32,10 @@ class DrawingOptions:
     starts: int = 240
     optima: int = 12
     near: float = 0.9
+    better: float = 0.1
     frames: float = 6.0
     slow_frames: float = 1.0
+    motion_frames: int = 100
     limit_distance: float = 2.5
     limit_tolerance: float = 1e-6
     least_error: float = 1e-16
@@ -71,8 +74,10 @@ class MarkSizes:
     ``end`` is the radius of a best point, wider by ``ring`` around each mark on top of it. Labels stay ``clearance``
     off the middle of their mark; those that find no room there go ``label_steps`` off, in heights of a label from the
     nearest place on, and ``outside`` is what leaving the frame counts, in marks that are covered: more than there ever
-    are. Their lines are ``label_line`` apart. Limits have dashes of ``dash``. Of a curve of dots more than
-    ``many_dots`` are small ones; axes leave ``dot_margin`` of their range free beside them, so that none is cut.
+    are. Their lines are ``label_line`` apart. Curves are ``line`` wide, limits have dashes of ``dash``. Of a curve of
+    dots more than ``many_dots`` are small ones; axes leave ``dot_margin`` of their range free on either side, so that
+    none is cut. A start of a plan has the radius ``start``; beyond the axes it is a dash of ``edge_dash`` at their
+    edge.
     """
 
     end: float = 5.2
@@ -81,8 +86,11 @@ class MarkSizes:
     label_steps: tuple[float, ...] = (1.0, 2.0, 3.5)
     outside: float = 1000.0
     label_line: float = 16.0
+    line: float = 2.4
     dash: float = 7.0
     many_dots: int = 40
+    start: float = 3.0
+    edge_dash: float = 9.0
     dot_margin: float = 0.02
 
 
@@ -92,13 +100,18 @@ class SceneOptions:
 
     ``arrow`` is how long the arrow of a direction is, of the arm's extent; ``bead_gap`` how far beads of a path are
     apart, of the scene's; a link shorter than ``shortest`` of the longest joins joints in one place, and is none. The
-    ground sign turns where the cosine between it and a link is above ``covered``: the link would lie over it.
+    ground sign turns where the cosine between it and a link is above ``covered``: the link would lie over it. The
+    grid of the ground has about so many lines a side, ``grid``. A scene in space is seen from ``eye``, in diagonals of
+    its box from a point that lies ``eye_drop`` of them below the middle.
     """
 
     arrow: float = 0.25
     bead_gap: float = 0.04
     shortest: float = 1e-6
     covered: float = 0.6
+    grid: int = 7
+    eye: tuple[float, float, float] = (0.47, -0.8, 0.44)
+    eye_drop: float = 0.1
 
 
 DRAWING = DrawingOptions()

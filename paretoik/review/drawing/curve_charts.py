@@ -82,7 +82,9 @@ class Chart:
         """Draw curves (curves, instants) and their names, at the current time or for all times."""
         low, high = self.canvas.low, self.canvas.high  # what leaves the picture runs along its edge
         strips = [self.canvas.place(np.clip(_finite_points(instants, curve), low, high)) for curve in curves]
-        lines: Any = rr.LineStrips2D(strips, colors=list(self.colours), radii=rr.Radius.ui_points(1.2), draw_order=1.0)
+        lines: Any = rr.LineStrips2D(
+            strips, colors=list(self.colours), radii=rr.Radius.ui_points(MARKS.line / 2), draw_order=1.0
+        )
         if self.dots:
             colours = [colour for colour, strip in zip(self.colours, strips, strict=True) for _ in strip]
             radius = rr.Radius.ui_points(2.2 if max(map(len, strips)) > MARKS.many_dots else 3.2)

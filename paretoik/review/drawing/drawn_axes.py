@@ -92,7 +92,7 @@ class Canvas:
 
     def _ticks(self) -> tuple[Ticks, Ticks]:
         upright = fitting_ticks(self.low[0], self.high[0], room=self.width, size=_width_of)
-        level = fitting_ticks(self.low[1], self.high[1], room=self.height, size=lambda _: 0.6 * TEXT.line)
+        level = fitting_ticks(self.low[1], self.high[1], room=self.height, size=lambda _: 0.4 * TEXT.line)
         return _countable(upright, self.labels[0]), _countable(level, self.labels[1])
 
     def _labels(self, across: Ticks, along: Ticks) -> tuple[list[str], np.ndarray]:

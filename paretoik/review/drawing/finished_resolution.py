@@ -48,7 +48,8 @@ class FinishedResolution:
         if self._note:
             stream.log("notes/left_out", rr.TextDocument(self._note), static=True)
         stream.set_time("motion", duration=0.0)
-        stream.set_time("solution", sequence=0)
+        if len(self.end.motions) > 1:
+            stream.set_time("solution", sequence=0)
         self._log_whole(stream, self.end.motions[0], self._points)
         stream.reset_time()
         self._send_motions(stream)
@@ -77,20 +78,14 @@ class FinishedResolution:
         rows = np.flatnonzero(traces.status != "done") + 1
         places = np.stack([traces.time[rows], _logarithm(traces.error)[rows]], axis=1)
         marks = rr.Points2D(
-            chart.canvas.place(places), colors=SCREEN.failed, radii=rr.Radius.ui_points(3.0), draw_order=3.0
+            chart.canvas.place(places), colors=SCREEN.event, radii=rr.Radius.ui_points(3.0), draw_order=3.0
         )
         stream.log(f"{chart.entity}/marks", marks)
 
     def _send_motions(self, stream: rr.RecordingStream) -> None:
         """Let the arms move, and cursors with them."""
         for point in self._points:
-            assert point.motion is not None
-            columns = [rr.TimeColumn("motion", duration=point.motion.time - point.motion.time[0])]
-            self._motions.send(stream, point, columns)
-            if point.axis is None:
-                self._motions.send_series(stream, point, columns)
-                for chart in self._all_charts:
-                    chart.send_cursor(stream, columns, point.motion.time)
+            self._motions.send_motion(stream, point, charts=self._all_charts)
 
     def _log_events(self, stream: rr.RecordingStream, traces: RecordedTraces) -> None:
         """Say, while the arm moves, what begins at a step: where its status is another than that of the one before."""
@@ -195,7 +190,7 @@ class FinishedResolution:
             labels=("time [s]", label),
             shown=np.concatenate([np.stack([time, curve], axis=1) for curve in (curves if seen is None else seen)]),
             names=[each.name for each in (self.end.motions[0], *self._thin_motions)],
-            colours=[SCREEN.chosen, *(SCREEN.end(axis) for axis in range(len(self._thin_motions)))],
+            colours=[SCREEN.arm, *(SCREEN.end(axis) for axis in range(len(self._thin_motions)))],
             limits=limits,
         )
         return chart, time, np.stack(curves)

@@ -81,3 +81,9 @@ class Panels:
             return 0.0
         room = VIEWS.panels[0] / count
         return TEXT.line if TEXT.character * max(map(len, self.labels)) > room - 10.0 else 0.0
+
+
+def outside_panels(pairs: Sequence[Pair], canvases: Sequence[Canvas], points: Objectives) -> int:
+    """Return how many points (points, n_obj) at least one of the panels does not show; none where there are none."""
+    seen = [canvas.shows(points[:, list(pair)]) for pair, canvas in zip(pairs, canvases, strict=False)]
+    return int((~np.all(seen, axis=0)).sum()) if seen else 0

@@ -10,6 +10,7 @@ import rerun.blueprint as rrb
 
 from paretoik.arrays import Vector3
 from paretoik.review.drawing.drawn_axes import nice_ticks, tick_text
+from paretoik.review.drawing_options import SCENES
 from paretoik.review.palette import SCREEN
 
 METRES = ("x [m]", "y [m]", "z [m]")
@@ -29,13 +30,18 @@ class Ground:
 
     @staticmethod
     def around(points: np.ndarray, *, labels: tuple[str, str, str] = METRES) -> Ground:
-        """Return the ground of points (points, 3), its corners on round lengths, and not above 0 where all is near."""
+        """Return the ground of points (points, 3), its corners on round lengths.
+
+        It lies at 0 where all is above, or nearly all: what dips below it by less than half a step is seen through it.
+        """
         low, high = points.min(axis=0), points.max(axis=0)
         width = max(float((high - low).max()), 1e-6)
-        step = float(np.diff(nice_ticks(0.0, width, count=4))[0])
+        step = float(np.diff(nice_ticks(0.0, width, count=SCENES.grid))[0])
         middle, half = (low + high) / 2, np.maximum((high - low) / 2, 0.2 * width)
         low, high = np.minimum(low, middle - half), np.maximum(high, middle + half)
-        low[2] = min(float(points[:, 2].min()), 0.0) if points[:, 2].min() < width else low[2]
+        lowest = float(points[:, 2].min())
+        low[2] = min(lowest, 0.0) if lowest < width else low[2]
+        low[2] = 0.0 if -0.5 * step < lowest < width else low[2]
         return Ground(
             low=np.floor(low / step + 1e-6) * step, high=np.ceil(high / step - 1e-6) * step, step=step, labels=labels
         )
@@ -67,7 +73,8 @@ class Ground:
     def eye(self) -> rrb.EyeControls3D:
         """Look at the middle of everything from in front, from the right and from above, its labels in sight."""
         middle, size = (self.low + self.high) / 2, float(np.linalg.norm(self.high - self.low))
-        return rrb.EyeControls3D(position=middle + size * np.array([0.53, -0.89, 0.5]), look_target=middle)
+        target = middle - np.array([0.0, 0.0, SCENES.eye_drop * size])  # labels of the ground need room below it
+        return rrb.EyeControls3D(position=target + size * np.array(SCENES.eye), look_target=target)
 
     def _ticks(self, axis: int) -> np.ndarray:
         count = round((self.high[axis] - self.low[axis]) / self.step)

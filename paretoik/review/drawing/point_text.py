@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -33,15 +34,39 @@ ENDINGS = {  # what a run that came to its end says of that; others say why they
 }
 
 
-def choice_text(front: Front, choice: Choice, *, title: str = "chosen") -> str:
-    """Return what is to be known of a choice: its reason, objectives, certificate, exchange rates, and the run."""
-    return _point_text(front, choice.index, title, choice.reason)
+def choice_text(front: Front, choice: Choice, *, title: str = "chosen", whole: bool = True) -> str:
+    """Return what is to be known of a choice: its reason, objectives, certificate, exchange rates, and the run.
+
+    Of a reason that is not told ``whole`` only the first sentence.
+    """
+    sentences = _sentences(choice.reason)
+    short = (
+        f"{sentences[0]} The tab \u201cwhy\u201d has the comparisons with other points."
+        if sentences[1:]
+        else choice.reason
+    )
+    return _point_text(front, choice.index, title, choice.reason if whole else short)
+
+
+def reason_text(choice: Choice) -> str:
+    """Return the reason of a choice, a line a sentence."""
+    lines = [f"- {sentence}" for sentence in _sentences(choice.reason)]
+    return screen_text("\n".join([f"# Why point {choice.id}", "", *lines]))
+
+
+def _sentences(words: str) -> list[str]:
+    """Return the sentences of a text.
+
+    >>> _sentences("It has 0.5 J s. Beside it, point 3 has 2.")
+    ['It has 0.5 J s.', 'Beside it, point 3 has 2.']
+    """
+    return re.split(r"(?<=[.;]) (?=[A-Z])", words)
 
 
 def point_text(front: Front, row: int, *, chosen: Choice | None) -> str:
     """Return what is to be known of any point of a front."""
     if chosen is not None and chosen.index == row:
-        return choice_text(front, chosen)
+        return choice_text(front, chosen, whole=False)
     return _point_text(front, row, f"number {row + 1} of {len(front)} along the front", "")
 
 
@@ -59,14 +84,28 @@ def _point_text(front: Front, row: int, title: str, reason: str) -> str:
     return screen_text("\n\n".join(part for part in parts if part))
 
 
-def text_of(scene: SearchScene, generation: Generation, moved: int | None = None) -> str:
+def text_of(scene: SearchScene, generation: Generation, moved: int | None = None, *, outside: int = 0) -> str:
     """Return what is to be known of a generation and its compromise, or of a step of a closed loop.
 
-    ``moved`` is the generation whose motions are shown with it.
+    ``moved`` is the generation whose motions are shown with it, ``outside`` how many individuals lie outside the axes.
     """
     if scene.timeline == "step":
         return screen_text(_step_text(scene, generation))
-    return screen_text(_generation_text(scene, generation, moved))
+    return screen_text(
+        "\n".join(
+            [
+                _generation_text(scene, generation, moved),
+                *outside_text(outside, len(generation.population), "the final front"),
+            ]
+        )
+    )
+
+
+def outside_text(outside: int, count: int, what: str) -> list[str]:
+    """Return how many of ``count`` individuals lie outside the axes, which show ``what``, where there are some."""
+    verb = "lies" if outside == 1 else "lie"
+    words = f"{outside} of {counted(count, 'individual')} {verb} outside the axes, which show what is near {what}."
+    return ["", words] if outside else []
 
 
 def _generation_text(scene: SearchScene, generation: Generation, moved: int | None) -> str:
@@ -99,6 +138,18 @@ def beginning_text(first: int) -> str:
         f"# Step 0\n\nThe arm stands where it begins: nothing was searched for, so there is no front. "
         f"The first is that of step {first}."
     )
+
+
+def loop_guide(searched: Sequence[int], opening: int | None) -> str:
+    """Return where the search of each of some steps is to be seen, and from which step on the loop is played."""
+    lines = [
+        f"- The search of step {step} has a tab, \u201csearch of step {step}\u201d, above the legend; the timelines "
+        "generation and individual move it and leave all else as it is."
+        for step in searched
+    ]
+    if opening:
+        lines.append(f"- It plays from step {opening} to its end; the steps before that are on the slider's left.")
+    return "## How to look at it\n\n" + "\n".join(lines) if lines else ""
 
 
 def _named(scene: SearchScene, generation: Generation, number: int) -> str:

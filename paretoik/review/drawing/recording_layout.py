@@ -12,6 +12,7 @@ from paretoik.review.drawing.view_tabs import fitting_tabs
 from paretoik.review.drawing_options import DRAWING, VIEWS
 
 TEXT = "text"  # entity of what is said of the point shown
+WHY = "notes/why"  # entity of the reason of the choice
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,7 +55,7 @@ class Layout:
         if front is None and charts:
             front, charts = charts[0], charts[1:]
         columns = [(_column(front, charts), VIEWS.columns[0]), (_column(self.arm, self.joints), VIEWS.columns[1])]
-        columns.append((rrb.Tabs(*self.texts) if self.texts else None, VIEWS.columns[2]))
+        columns.append((fitting_tabs(self.texts, VIEWS.columns[2]) if self.texts else None, VIEWS.columns[2]))
         present = [(column, width) for column, width in columns if column is not None]
         views = rrb.Horizontal(*(column for column, _ in present), column_shares=[width for _, width in present])
         shares = [self.legend.height, VIEWS.body - self.legend.height]
@@ -85,6 +86,7 @@ def choice_blueprint(
     name: str,
     recorded: rrb.Container | None,
     narrow: bool = False,
+    timeline: str = "motion",
 ) -> rrb.Blueprint:
     """Return the layout of a choice, or of two beside each other, on a common time; ``recorded`` may be a second tab.
 
@@ -93,7 +95,7 @@ def choice_blueprint(
     if len(texts) == 1 and not narrow:
         arm, joints = arms[0] if arms else (None, ())
         body = Layout(
-            legend=legend, front=front, charts=below, arm=arm, joints=joints, texts=texts, timeline="motion", name=name
+            legend=legend, front=front, charts=below, arm=arm, joints=joints, texts=texts, timeline=timeline, name=name
         ).body()
     else:
         left = _column(front, [*texts, *below])
@@ -104,7 +106,7 @@ def choice_blueprint(
         body if recorded is None else rrb.Tabs(body, recorded),
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),
-        rrb.TimePanel(timeline="motion", state="collapsed", fps=DRAWING.frames),
+        rrb.TimePanel(timeline=timeline, state="collapsed", fps=DRAWING.frames),
         auto_views=False,
     )
 
@@ -116,7 +118,7 @@ def text_view(name: str) -> rrb.View:
 
 def note_view() -> rrb.View:
     """Return the view of what was left out."""
-    return rrb.TextDocumentView(origin="notes/left_out", name="what was left out")
+    return rrb.TextDocumentView(origin="notes/left_out", name="left out")
 
 
 def _column(above: rrb.View | None, below: Sequence[rrb.View]) -> rrb.Container | None:

@@ -14,7 +14,7 @@ from paretoik.review.recording.recorded_point import RecordedPoint
 
 @dataclass(frozen=True, kw_only=True)
 class ReplayOptions:
-    """How long [s] a generation lasts with motions, and without; how many move at most, and samples of each."""
+    """How long [s] a generation lasts that moves, and one that does not; how many move at most, and samples of each."""
 
     moving: float = 1.0
     standing: float = 0.1
@@ -36,7 +36,7 @@ class ReplayClock:
     @staticmethod
     def of(generations: Sequence[Sequence[RecordedPoint]]) -> ReplayClock:
         """Return the clock of the points of generations: those that move are spread evenly over those with motions."""
-        able = [i for i, points in enumerate(generations) if has_motions(points)]
+        able = [i for i, points in enumerate(generations) if is_moving(points)]
         moving = frozenset(able[i] for i in even_rows(len(able), OPTIONS.generations))
         lengths = [OPTIONS.moving if i in moving else OPTIONS.standing for i in range(len(generations))]
         ends = np.cumsum([0.0, *lengths])
@@ -51,6 +51,11 @@ def replay_times(point: RecordedPoint, points: Sequence[RecordedPoint], begin: f
     rows = even_rows(len(motion.time), OPTIONS.samples)
     share = (motion.time[rows] - motion.time[0]) / max(longest, 1e-12)
     return rows, begin + 0.9 * OPTIONS.moving * share
+
+
+def is_moving(points: Sequence[RecordedPoint]) -> bool:
+    """Say whether points have motions in which an arm does not stand still."""
+    return any(point.motion is not None and not point.motion.is_standing for point in points)
 
 
 def has_motions(points: Sequence[RecordedPoint]) -> bool:

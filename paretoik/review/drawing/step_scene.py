@@ -17,7 +17,10 @@ from jaxtyping import Float, Int
 
 from paretoik.review.drawing.arm_drawing import ArmDrawing
 from paretoik.review.drawing.drawn_axes import Canvas
+from paretoik.review.drawing.front_panels import outside_panels
 from paretoik.review.drawing.legend import Legend
+from paretoik.review.drawing.point_text import counted, outside_text
+from paretoik.review.drawing.screen_text import screen_text
 from paretoik.review.drawing.search_scene import SearchScene, replay_window
 from paretoik.review.drawing_options import VIEWS
 from paretoik.review.palette import SCREEN
@@ -45,7 +48,9 @@ class StepScene:
     def view(self) -> rrb.Container:
         """Return the views: the fronts, and beside them the arm, below a legend."""
         arm = self._drawing.view(f"arms of the front, step {self.step.sample}")
-        views = rrb.Horizontal(self._scene.view(), arm) if self._canvases else arm
+        text = rrb.TextDocumentView(origin=f"{self._root}/text", name="generation, individual")
+        shown = [*([self._scene.view()] if self._canvases else []), arm, text]
+        views = rrb.Horizontal(*shown, column_shares=VIEWS.columns[-len(shown) :])
         shares = [self._legend.height, VIEWS.body - self._legend.height]
         return rrb.Vertical(self._legend.view(), views, row_shares=shares, name=f"search of step {self.step.sample}")
 
@@ -73,12 +78,15 @@ class StepScene:
             if place == 0:
                 self._log_generation(recording, last)
             self._log_individual(recording, last, int(individual))
+            words = f"## Individual {place + 1} of {len(order)}, by {self.loop.names[0]}\n\n"
+            self._log_text(recording, words + self._objectives(last, int(individual)))
         recording.reset_time()
 
     def _log_generation(self, recording: rr.RecordingStream, number: int) -> None:
         """Draw a generation at the current time: its population and front, and the arms of the front."""
         objectives, front = self.step.objectives[number], self.step.fronts[number]
         alive = np.isfinite(objectives).all(axis=1)
+        self._log_text(recording, self._generation_text(number))
         scene, canvases, drawing = self._scene, self._canvases, self._drawing
         scene.log_points(recording, "population", objectives[alive], canvases)
         scene.log_points(recording, "front", objectives[front], canvases, ids=front, named=True)
@@ -97,6 +105,30 @@ class StepScene:
         self._scene.log_points(recording, "chosen", objectives, self._canvases, ids=row, named=True, avoided=front)
         links = self._links(number, row)[0]
         self._drawing.log_arm(recording, "chosen", links, colour=SCREEN.arm, solid=True)
+
+    def _generation_text(self, number: int) -> str:
+        """Return what is to be known of a generation, and of the individual that the weights choose."""
+        objectives, front = self.step.objectives[number], self.step.fronts[number]
+        alive = np.isfinite(objectives).all(axis=1)
+        outside = outside_panels(self._scene.panels.pairs, self._canvases, objectives[alive])
+        lines = [
+            f"# Step {self.step.sample}, generation {number}",
+            f"{counted(len(front), 'point')} on its front; of {counted(len(alive), 'individual')} "
+            f"{(~alive).sum()} failed.",
+            *outside_text(outside, int(alive.sum()), "the fronts"),
+        ]
+        if len(front):
+            lines += ["", "## Chosen by the weights", "", self._objectives(number, int(self.step.chosen[number]))]
+        return "\n".join(lines)
+
+    def _objectives(self, number: int, individual: int) -> str:
+        values = self.step.objectives[number, individual]
+        named = zip(self.loop.names, values, self.loop.units, strict=True)
+        return "\n".join(f"- **{name}**: {value:.6g} {unit}".rstrip() for name, value, unit in named)
+
+    def _log_text(self, recording: rr.RecordingStream, words: str) -> None:
+        document = rr.TextDocument(screen_text(words), media_type="text/markdown")
+        recording.log(f"{self._root}/text", document)
 
     def _links(self, number: int, rows: Int[np.ndarray, " rows"]) -> Float[np.ndarray, "rows nodes 3"]:
         return np.asarray(link_nodes(self.step.arm, self.step.q[number, rows]))
