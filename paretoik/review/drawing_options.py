@@ -12,17 +12,15 @@ class DrawingOptions:
     Up to ``matrix`` objectives every pair has a panel, beyond only neighbours; parallel coordinates come from
     ``parallel`` objectives on, and more than ``parallel_lines`` points are a grey area there. The timeline along the
     front has at most so many points, ``walk``, that along the starts of a plan so many, ``starts``. Of a plan's
-    optima so many, ``optima``, are listed, and what so large a share of starts as ``near`` led to is on its axes; of
-    starts that begin with better values than any optimum only those that are near by so much less, ``better``.
+    optima so many, ``optima``, are listed, and what so large a share of starts as ``near`` led to is on its axes. These
+    reach ``better`` times as far beyond the best value as beyond the worst: starts that are better break limits.
     Timelines of generations play ``frames`` of them a second, those of a few things that are looked at one by one
     ``slow_frames``. Along a motion the arm stands in at least so many postures, ``motion_frames``.
 
     A limit is in the chart where it lies at most ``limit_distance`` ranges of the curves off, and counts as respected
     where it is passed by at most such a share of its range, ``limit_tolerance``. Errors below ``least_error`` are drawn
-    as that, since their logarithm is. A value that is at most such a share of the largest,
-    ``rounding``, is written as 0. Outlines of obstacles
-    have so many ``corners``; where a body meets the plane is found on a grid of ``section`` points a side. Meshes are
-    drawn up to so many ``mesh_bytes``, since a recording holds them whole.
+    as that, since their logarithm is. A value that is at most such a share of the largest, ``rounding``, is written as
+    0. Meshes are drawn up to so many ``mesh_bytes``, since a recording holds them whole.
     """
 
     matrix: int = 5
@@ -40,8 +38,6 @@ class DrawingOptions:
     limit_tolerance: float = 1e-6
     least_error: float = 1e-16
     rounding: float = 1e-10
-    corners: int = 96
-    section: int = 160
     mesh_bytes: float = 40e6
 
 

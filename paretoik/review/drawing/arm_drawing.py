@@ -17,9 +17,10 @@ from paretoik.review.drawing.drawn_axes import Canvas, equal_window, labels
 from paretoik.review.drawing.ground import Ground
 from paretoik.review.drawing.label_places import label_place
 from paretoik.review.drawing.link_hulls import LinkHulls
-from paretoik.review.drawing.obstacle_drawing import bodies, extent, hatch, outline
+from paretoik.review.drawing.obstacle_drawing import bodies, extent, hatch
 from paretoik.review.drawing.screen_text import screen_text
 from paretoik.review.drawing_options import SCENES
+from paretoik.review.obstacle_outlines import outline
 from paretoik.review.palette import SCREEN, Colour
 from paretoik.review.recording.workcell import Workcell
 
@@ -172,11 +173,10 @@ class ArmDrawing:
             for name, body in bodies(obstacles, self._ground.low, self._ground.high):
                 recording.log(f"{entity}/{name}", body, static=True)
             return
-        corners = [each for each in map(outline, obstacles) if len(each)]
-        if corners:
+        borders = [each for each in map(outline, obstacles) if each is not None]
+        if borders:
             gap = 9.0 * float(self._canvas.high[0] - self._canvas.low[0]) / self._canvas.width
-            borders = [np.concatenate([each, each[:1]]) for each in corners]
-            lines = [line for each in corners for line in hatch(each, gap=gap)]
+            lines = [line for each in borders for line in hatch(each, gap=gap)]
             for part, strips, colour, radius in (
                 ("hatch", lines, SCREEN.obstacle_body, 0.7),
                 ("outlines", borders, SCREEN.obstacle, 1.3),

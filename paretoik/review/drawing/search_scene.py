@@ -163,9 +163,9 @@ class SearchScene:
         for pair, canvas in self._panels(canvases):
             pairwise = drawn[:, list(pair)]
             seen = canvas.shows(pairwise)
-            own = None if names is None else [names[row] for row in np.flatnonzero(seen)]
+            hovered = None if names is None else [names[row] for row in np.flatnonzero(seen)]
             at, size = canvas.place(pairwise[seen]), rr.Radius.ui_points(radius)
-            points = rr.Points2D(at, colors=colour, radii=size, labels=own, show_labels=False, draw_order=order)
+            points = rr.Points2D(at, colors=colour, radii=size, labels=hovered, show_labels=False, draw_order=order)
             recording.log([*self._panel(pair), layer], points, static=static)
             if order > 3.0 and pair == self.panels.pairs[0]:
                 shown = names if words is None else words
