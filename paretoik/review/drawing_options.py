@@ -97,8 +97,10 @@ class SceneOptions:
     ``arrow`` is how long the arrow of a direction is, of the arm's extent; ``bead_gap`` how far beads of a path are
     apart, of the scene's; a link shorter than ``shortest`` of the longest joins joints in one place, and is none. The
     ground sign turns where the cosine between it and a link is above ``covered``: the link would lie over it. The
-    grid of the ground has about so many lines a side, ``grid``. A scene in space is seen from ``eye``, in diagonals of
-    its box from a point that lies ``eye_drop`` of them below the middle.
+    grid of the ground has about so many lines a side, ``grid``; of more than ``ground_ticks`` every second has its
+    words, which are not to touch far from the eye. A scene in space is seen from the direction of ``eye``,
+    so near that all is in sight with a ``label_margin`` [pixels] on either side, across and upwards. The viewer's
+    ``field_of_view`` [degrees] upwards was measured in a picture of it.
     """
 
     arrow: float = 0.25
@@ -106,8 +108,10 @@ class SceneOptions:
     shortest: float = 1e-6
     covered: float = 0.6
     grid: int = 7
+    ground_ticks: int = 5
     eye: tuple[float, float, float] = (0.47, -0.8, 0.44)
-    eye_drop: float = 0.1
+    label_margin: tuple[float, float] = (38.0, 26.0)
+    field_of_view: float = 55.0
 
 
 DRAWING = DrawingOptions()

@@ -13,7 +13,7 @@ from paretoik.review.drawing.front_views import FrontViews, RecordedSearch
 from paretoik.review.drawing.legend import Legend
 from paretoik.review.drawing.legend_entries import search_entries
 from paretoik.review.drawing.motion_scene import MotionScene
-from paretoik.review.drawing.point_text import beginning_text, loop_guide, text_of
+from paretoik.review.drawing.point_text import beginning_text, loop_guide, search_hint, text_of
 from paretoik.review.drawing.recording_layout import TEXT, Layout, text_view
 from paretoik.review.drawing.screen_text import screen_text
 from paretoik.review.drawing.step_scene import StepScene
@@ -40,7 +40,9 @@ class FinishedLoop:
         if self._searches and self._steps:
             for timeline in ("generation", "individual"):  # of searched steps: the loop stands still meanwhile
                 stream.set_time(timeline, sequence=0)
-            self._log_step(stream, self._opening or self._steps[-1])
+            self._log_step(
+                stream, self._opening or self._steps[-1], search_hint([each.step.sample for each in self._searches])
+            )
         for each in self._searches:
             each.log(stream, self._times_of(each.step.sample))
         stream.reset_time()
@@ -71,9 +73,10 @@ class FinishedLoop:
         motion = None if self._point is None else self._point.motion
         return {} if motion is None else {"motion": float(motion.time[step])}
 
-    def _log_step(self, stream: rr.RecordingStream, generation: Generation) -> None:
+    def _log_step(self, stream: rr.RecordingStream, generation: Generation, hint: str = "") -> None:
+        """Draw a step at the current time, with what is to be known of it, a hint first."""
         choice, opening = self.search.end.choice, None if self._opening is None else self._opening.number
-        words = [text_of(self.search.scene, generation)]
+        words = [hint, text_of(self.search.scene, generation)]
         if choice is not None:
             words.append(f"## The whole loop\n\n{screen_text(choice.reason)}")
         words.append(loop_guide([each.step.sample for each in self._searches], opening))

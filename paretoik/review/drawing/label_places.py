@@ -33,6 +33,15 @@ def label_place(
     return np.asarray(middles[(covered + MARKS.outside * outside).argmin()])
 
 
+def label_points(
+    canvas: Canvas, mark: Float[np.ndarray, " 2"], words: str, others: Float[np.ndarray, "marks 2"]
+) -> Float[np.ndarray, "points 2"]:
+    """Return points all over the label of a `mark`, for others to keep clear of."""
+    middle, wide = label_place(canvas, mark, words, others), np.array([0.5 * text_width(words), 0.4 * TEXT.line])
+    grid = np.stack(np.meshgrid(np.linspace(-1.0, 1.0, 9), np.linspace(-1.0, 1.0, 3)), axis=-1).reshape(-1, 2)
+    return np.asarray(middle + wide * grid)
+
+
 def placed_label(canvas: Canvas, mark: np.ndarray, words: str, others: np.ndarray, colour: Colour) -> rr.Points2D:
     """Return the label of a `mark` at the best place for it."""
     first = label_place(canvas, mark, words, others) - (0.0, _below_first(words))

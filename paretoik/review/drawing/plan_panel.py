@@ -13,12 +13,13 @@ from jaxtyping import Float
 
 from paretoik.arrays import Values
 from paretoik.review.drawing.drawn_axes import TEXT, Canvas, labels, window
-from paretoik.review.drawing.label_places import log_name
+from paretoik.review.drawing.label_places import label_points, placed_label
 from paretoik.review.drawing_options import DRAWING, MARKS
 from paretoik.review.palette import SCREEN, Colour, screen_label
 from paretoik.review.recording.planned import PlannedLevel, PlannedOptimum, PlannedScene
 
 ENTITY = "objective"
+BEST = "best"  # name of the best point
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -67,8 +68,12 @@ class PlanPanel:
         elif np.isfinite(ends[first:]).any():
             row = first + self._best(ends[first:])
             where, best = across[row, None], ends[row, None]
-        self._log_points(recording, "best", where, best, SCREEN.chosen, 6.5, 4.0, ["best"])
-        self._log_points(recording, "looked_at", np.zeros(0), np.zeros(0), SCREEN.arm, 6.5, 4.5)
+        self._log_points(recording, "best", where, best, SCREEN.chosen, 6.5, 4.0, [BEST])
+        if len(where):
+            self._log_name(recording, "best", float(where[0]), float(best[0]), BEST, SCREEN.chosen)
+        else:
+            recording.log(f"{ENTITY}/best/name", rr.Points2D([]))
+        self._log_none_looked_at(recording)
 
     def log_start(self, recording: rr.RecordingStream, number: int) -> None:
         """Mark a start by its number, from 1, and what it led to."""
@@ -80,11 +85,17 @@ class PlanPanel:
     def log_optimum(self, recording: rr.RecordingStream, place: int) -> None:
         """Mark a final optimum that is looked at by its place; the best, which is marked anyway, stays the best."""
         if place == 0:
-            self._log_points(recording, "looked_at", np.zeros(0), np.zeros(0), SCREEN.arm, 6.5, 4.5)
+            self._log_none_looked_at(recording)
             return
         where = self._places[min(place, DRAWING.optima - 1), None]
         value = np.array([self.optima[place].point.objectives[0]])
-        self._log_points(recording, "looked_at", where, value, SCREEN.arm, 6.5, 4.5, [f"optimum {place}"])
+        words = f"optimum {place}"
+        self._log_points(recording, "looked_at", where, value, SCREEN.arm, 6.5, 4.5, [words])
+        self._log_name(recording, "looked_at", float(where[0]), float(value[0]), words, SCREEN.arm)
+
+    def _log_none_looked_at(self, recording: rr.RecordingStream) -> None:
+        self._log_points(recording, "looked_at", np.zeros(0), np.zeros(0), SCREEN.arm, 6.5, 4.5)
+        recording.log(f"{ENTITY}/looked_at/name", rr.Points2D([]))
 
     @cached_property
     def starts(self) -> Values:
@@ -199,11 +210,21 @@ class PlanPanel:
             draw_order=order,
         )
         recording.log(f"{ENTITY}/{layer}", drawn)
-        if order > 3.0:
-            inside = np.stack([self.across, np.clip(self.ends, self.canvas.low[1], self.canvas.high[1])], axis=1)
-            others = np.concatenate([places[seen], inside[np.isfinite(inside).all(axis=1)]])
-            shown = names if names and seen.any() else None
-            log_name(recording, [ENTITY, layer, "name"], self.canvas, shown, others, colour)
+
+    def _log_name(
+        self, recording: rr.RecordingStream, layer: str, across: float, value: float, words: str, colour: Colour
+    ) -> None:
+        """Name a point, off what starts led to, optima, and the best one's name where this is another one."""
+        canvas = self.canvas
+        low, high = canvas.low[1], canvas.high[1]
+        x, values = np.append(self.across, self._places), np.append(self.ends, self._final)
+        seen = np.isfinite(values)
+        others = canvas.place(np.stack([x[seen], np.clip(values[seen], low, high)], axis=1))
+        mark = canvas.place(np.array([across, np.clip(value, low, high)]))
+        if layer == "looked_at":
+            best = canvas.place(np.array([self._places[0], np.clip(self._final[0], low, high)]))
+            others = np.concatenate([others, label_points(canvas, best, BEST, others)])
+        recording.log(f"{ENTITY}/{layer}/name", placed_label(canvas, mark, words, others, colour))
 
     def _log_bands(self, recording: rr.RecordingStream) -> None:
         """Draw the borders between bands, and below each what it holds."""

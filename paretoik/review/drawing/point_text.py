@@ -117,6 +117,7 @@ def _generation_text(scene: SearchScene, generation: Generation, moved: int | No
     lines = [f"# {_heading(scene, generation)}", summary]
     if not size:
         lines += ["", _why_empty(generation)]
+    lines += _bounds(scene, generation)
     chosen = next((point for point in generation.points if point.axis is None), None)
     if len(generation.front):
         best = scene.best(generation.front)
@@ -140,6 +141,12 @@ def beginning_text(first: int) -> str:
     )
 
 
+def search_hint(searched: Sequence[int]) -> str:
+    """Return where the timelines of searched steps are to be seen."""
+    tabs = " and ".join(f"\u201csearch of step {step}\u201d" for step in searched)
+    return f"**This timeline moves {tabs}: open that tab above the legend.**"
+
+
 def loop_guide(searched: Sequence[int], opening: int | None) -> str:
     """Return where the search of each of some steps is to be seen, and from which step on the loop is played."""
     lines = [
@@ -148,8 +155,27 @@ def loop_guide(searched: Sequence[int], opening: int | None) -> str:
         for step in searched
     ]
     if opening:
-        lines.append(f"- It plays from step {opening} to its end; the steps before that are on the slider's left.")
+        lines.append(
+            f"- The steps from {opening} on, blue on the slider, are played again and again; those before are left of "
+            "them. The loop button plays all."
+        )
     return "## How to look at it\n\n" + "\n".join(lines) if lines else ""
+
+
+def _bounds(scene: SearchScene, generation: Generation) -> list[str]:
+    """Return what a level of a sweep bounds."""
+    if generation.epsilon is None:
+        return []
+    bounds = [
+        f"{scene.names[axis]} {'≥' if scene.maximised[axis] else '≤'} {_value(bound, scene.units[axis])}"
+        for axis, bound in enumerate(generation.epsilon)
+        if np.isfinite(bound)
+    ]
+    return (
+        ["", f"The other objective was improved as far as these bounds ε allow: {', '.join(bounds)}.", ""]
+        if bounds
+        else []
+    )
 
 
 def _named(scene: SearchScene, generation: Generation, number: int) -> str:
@@ -181,7 +207,7 @@ def _step_text(scene: SearchScene, generation: Generation) -> str:
         low, high = generation.front.min(axis=0), generation.front.max(axis=0)
         lines += [
             f"- **{name}**: chosen {generation.chosen[axis]:.6g} {scene.units[axis]}, the front from "
-            f"{low[axis]:.6g} to {high[axis]:.6g} {scene.units[axis]}"
+            f"{range_text(low[axis], high[axis], scene.units[axis])}"
             for axis, name in enumerate(scene.names)
         ]
     return "\n".join(lines)
@@ -243,6 +269,17 @@ def run_text(provenance: Mapping[str, Any]) -> str:
     results = [f"- {counted(counts[name], 'point')} {name}" for name in ("converged", "improved") if name in counts]
     lines = heads + shown + ([f"- took {', '.join(took)}"] if took else []) + results
     return "## Run\n\n" + "\n".join(lines) if lines else ""
+
+
+def range_text(low: float, high: float, unit: str) -> str:
+    """Return a range in words; of one whose ends have the same digits how wide it is.
+
+    >>> range_text(1.0, 2.0, "m"), range_text(1.0, 1.0 + 1e-9, "m")
+    ('1 to 2 m', '1 m, 1e-09 m wide')
+    """
+    if f"{low:.6g}" != f"{high:.6g}":
+        return f"{low:.6g} to {high:.6g} {unit}".rstrip()
+    return f"{low:.6g} {unit}".rstrip() + f", {high - low:.3g} {unit}".rstrip() + " wide"
 
 
 def counted(number: int, one: str, many: str = "") -> str:

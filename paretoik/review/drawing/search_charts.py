@@ -135,7 +135,7 @@ def _chart(
     chart = Chart(
         entity=f"charts/{name}",
         title=label,
-        labels=(scene.timeline, label),
+        labels=({"refinement": "refinement: 0 before, 1 after"}.get(scene.timeline, scene.timeline), label),
         shown=np.stack([np.tile(numbers, len(curves)), curves.ravel()], axis=1),
         names=names,
         colours=colours,

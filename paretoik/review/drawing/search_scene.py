@@ -80,7 +80,7 @@ class SearchScene:
         left_out = [
             f"- {'/'.join(map(_escape, [*self._panel(pair), name]))}" for pair in self.panels.pairs for name in without
         ]
-        name = "front" if self.timeline != "step" else "front of each step"
+        name = "front" if self.timeline != "step" else "front, as shares of its ranges"
         return self.panels.view(rr.new_entity_path([*self.root, "front"]), ["+ $origin/**", *left_out], name)
 
     def parallel_axes(self, shown: Objectives) -> ParallelAxes | None:
@@ -158,7 +158,7 @@ class SearchScene:
         covers fewest of the points that are ``avoided``.
         """
         colour, radius, order = LAYERS[layer]
-        drawn = F if reference is None else _normalise(F, reference)
+        drawn = F if reference is None else normalised(F, reference)
         names = [f"point {number}{of}" for number in ids] if named and ids is not None else None
         for pair, canvas in self._panels(canvases):
             pairwise = drawn[:, list(pair)]
@@ -235,10 +235,10 @@ class SearchScene:
         reference: Population | None = None,
     ) -> None:
         """Draw a front, and on top its chosen point, in parallel coordinates."""
-        drawn = front if reference is None else _normalise(front, reference)
+        drawn = front if reference is None else normalised(front, reference)
         recording.log(f"{parallel.entity}/front", parallel.lines(drawn, SCREEN.lines, 0.6, 1.0))
         if chosen is not None:
-            row = chosen[None] if reference is None else _normalise(chosen[None], reference)
+            row = chosen[None] if reference is None else normalised(chosen[None], reference)
             recording.log(f"{parallel.entity}/chosen", parallel.lines(row, SCREEN.chosen, 2.2, 4.0))
 
     def label(self, axis: int) -> str:
@@ -270,7 +270,7 @@ def _escape(part: str) -> str:
     return rr.escape_entity_path_part(part)
 
 
-def _normalise(F: Objectives, reference: Population) -> Objectives:
+def normalised(F: Objectives, reference: Population) -> Objectives:
     """Return points as shares of the ranges of a front; in the middle where it has but one value, as all are best."""
     low, width = reference.min(axis=0), np.ptp(reference, axis=0)
     normalised: Objectives = np.where(width > 0, (F - low) / np.where(width > 0, width, 1.0), 0.5)

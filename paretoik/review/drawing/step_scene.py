@@ -19,9 +19,9 @@ from paretoik.review.drawing.arm_drawing import ArmDrawing
 from paretoik.review.drawing.drawn_axes import Canvas
 from paretoik.review.drawing.front_panels import outside_panels
 from paretoik.review.drawing.legend import Legend
-from paretoik.review.drawing.point_text import counted, outside_text
+from paretoik.review.drawing.point_text import counted, outside_text, range_text
 from paretoik.review.drawing.screen_text import screen_text
-from paretoik.review.drawing.search_scene import SearchScene, replay_window
+from paretoik.review.drawing.search_scene import SearchScene, normalised
 from paretoik.review.drawing_options import VIEWS
 from paretoik.review.palette import SCREEN
 from paretoik.review.recording.recorder import SearchedStep
@@ -78,7 +78,7 @@ class StepScene:
             if place == 0:
                 self._log_generation(recording, last)
             self._log_individual(recording, last, int(individual))
-            words = f"## Individual {place + 1} of {len(order)}, by {self.loop.names[0]}\n\n"
+            words = f"## Point {individual}, {place + 1} of {len(order)} by {self.loop.names[0]}\n\n"
             self._log_text(recording, words + self._objectives(last, int(individual)))
         recording.reset_time()
 
@@ -88,8 +88,9 @@ class StepScene:
         alive = np.isfinite(objectives).all(axis=1)
         self._log_text(recording, self._generation_text(number))
         scene, canvases, drawing = self._scene, self._canvases, self._drawing
-        scene.log_points(recording, "population", objectives[alive], canvases)
-        scene.log_points(recording, "front", objectives[front], canvases, ids=front, named=True)
+        within = objectives[front] if len(front) else None
+        scene.log_points(recording, "population", objectives[alive], canvases, reference=within)
+        scene.log_points(recording, "front", objectives[front], canvases, ids=front, named=True, reference=within)
         named = {"labels": [f"point {individual}" for individual in front], "show_labels": False}
         ghosts = drawing.strips(list(self._links(number, front)), SCREEN.ghost, 1.0, 0.0, **named)
         recording.log(f"{drawing.entity}/front", ghosts)
@@ -102,7 +103,16 @@ class StepScene:
         row = np.array([individual])
         objectives = self.step.objectives[number, row]
         front = self.step.objectives[number, self.step.fronts[number]]
-        self._scene.log_points(recording, "chosen", objectives, self._canvases, ids=row, named=True, avoided=front)
+        self._scene.log_points(
+            recording,
+            "chosen",
+            objectives,
+            self._canvases,
+            ids=row,
+            named=True,
+            avoided=normalised(front, front),
+            reference=front,
+        )
         links = self._links(number, row)[0]
         self._drawing.log_arm(recording, "chosen", links, colour=SCREEN.arm, solid=True)
 
@@ -110,14 +120,19 @@ class StepScene:
         """Return what is to be known of a generation, and of the individual that the weights choose."""
         objectives, front = self.step.objectives[number], self.step.fronts[number]
         alive = np.isfinite(objectives).all(axis=1)
-        outside = outside_panels(self._scene.panels.pairs, self._canvases, objectives[alive])
+        shown = normalised(objectives[alive], objectives[front]) if len(front) else objectives[alive]
+        outside = outside_panels(self._scene.panels.pairs, self._canvases, shown)
         lines = [
             f"# Step {self.step.sample}, generation {number}",
             f"{counted(len(front), 'point')} on its front; of {counted(len(alive), 'individual')} "
             f"{(~alive).sum()} failed.",
-            *outside_text(outside, int(alive.sum()), "the fronts"),
+            *outside_text(outside, int(alive.sum()), "the front"),
         ]
         if len(front):
+            low, high = objectives[front].min(axis=0), objectives[front].max(axis=0)
+            ranges = zip(self.loop.names, low, high, self.loop.units, strict=True)
+            lines += ["", "## Ranges of the front", ""]
+            lines += [f"- **{name}**: {range_text(least, most, unit)}" for name, least, most, unit in ranges]
             lines += ["", "## Chosen by the weights", "", self._objectives(number, int(self.step.chosen[number]))]
         return "\n".join(lines)
 
@@ -144,14 +159,12 @@ class StepScene:
 
     @cached_property
     def _scene(self) -> SearchScene:
-        return replace(self.loop, timeline="generation", root=(self._root,))
+        return replace(self.loop, root=(self._root,))
 
     @cached_property
     def _canvases(self) -> list[Canvas]:
-        pairs = zip(self.step.objectives, self.step.fronts, strict=True)
-        fronts = [values[front] for values, front in pairs]
-        late = np.concatenate(fronts[len(fronts) // 2 :])  # early ones can lie orders of magnitude off
-        return self._scene.canvases(np.concatenate([replay_window(fronts), late]))
+        alive = np.isfinite(self.step.objectives).all(axis=2)
+        return self._scene.canvases(self.step.objectives[alive])
 
     @cached_property
     def _drawing(self) -> ArmDrawing:

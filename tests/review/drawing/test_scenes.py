@@ -329,8 +329,8 @@ def test_a_closed_loop_opens_on_the_step_whose_search_was_recorded(tmp_path):
     assert "/arm/obstacles/outlines" in entities
     assert "/step_7/arm/obstacles/outlines" in entities
     assert "The search of step 7 has a tab" in str(words[1][0])
-    assert "It plays from step 7 to its end" in str(words[1][0])
+    assert "The steps from 7 on, blue on the slider, are played again and again" in str(words[1][0])
     searched = rows(entities["/step_7/text"], "generation", "text")
     assert all(str(searched[number][0]).startswith(f"# Step 7, generation {number}") for number in searched)
     one_by_one = rows(entities["/step_7/text"], "individual", "text")
-    assert str(one_by_one[3][0]).startswith(f"## Individual 4 of {len(one_by_one)}, by joint_displacement")
+    assert f", 4 of {len(one_by_one)} by joint_displacement\n" in str(one_by_one[3][0])
