@@ -108,7 +108,7 @@ class SceneOptions:
     shortest: float = 1e-6
     covered: float = 0.6
     grid: int = 7
-    ground_ticks: int = 5
+    ground_ticks: int = 4
     eye: tuple[float, float, float] = (0.47, -0.8, 0.44)
     label_margin: tuple[float, float] = (38.0, 26.0)
     field_of_view: float = 55.0

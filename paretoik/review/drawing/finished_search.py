@@ -113,7 +113,7 @@ class FinishedSearch:
         self._at_the_end(stream)
         scene, points, canvases = self.search.scene, self._end_points, self._views.canvases
         scene.log_points(stream, "front", front.objectives, canvases, ids=front.ids, named=True)
-        scene.log_marked(stream, points, canvases, avoided=front.objectives)
+        scene.log_marked(stream, points, canvases, avoided=self._drawn)
         if self._views.parallel is not None:
             chosen = None if self._end.choice is None else self._end.choice.objectives
             scene.log_lines(stream, self._views.parallel, front.objectives, chosen)
@@ -147,7 +147,7 @@ class FinishedSearch:
             stream.set_time("point", sequence=number)
             named = self._end.choice is None or point.id != self._end.choice.id
             self.search.scene.log_looked_at(
-                stream, point, self._views.canvases, self._views.parallel, avoided=front.objectives, named=named
+                stream, point, self._views.canvases, self._views.parallel, avoided=self._drawn, named=named
             )
             words = point_text(front, int(np.flatnonzero(front.ids == point.id)[0]), chosen=self._end.choice)
             stream.log(TEXT, rr.TextDocument(words, media_type="text/markdown"))
@@ -165,6 +165,12 @@ class FinishedSearch:
         rows = set(even_rows(len(front), DRAWING.walk).tolist())
         rows |= set() if choice is None else {choice.index}
         return [front_point(front, row) for row in sorted(rows)]
+
+    @cached_property
+    def _drawn(self) -> Objectives:
+        """What is drawn of the end, and of the last generation behind it."""
+        front = [] if self._end.front is None else [self._end.front.objectives]
+        return np.concatenate([*front, *(each.population for each in self._generations[-1:])])
 
     @property
     def _is_walked(self) -> bool:
