@@ -13,6 +13,7 @@ import rerun.blueprint as rrb
 from paretoik.arrays import Objectives
 from paretoik.front.front import Front
 from paretoik.review.drawing.curve_charts import Chart
+from paretoik.review.drawing.front_panels import replay_window
 from paretoik.review.drawing.front_views import FrontViews, RecordedSearch
 from paretoik.review.drawing.joint_charts import posture_chart
 from paretoik.review.drawing.legend import Legend
@@ -22,7 +23,6 @@ from paretoik.review.drawing.point_text import choice_text, point_text, reason_t
 from paretoik.review.drawing.recording_layout import TEXT, WHY, Layout, text_view
 from paretoik.review.drawing.replay_clock import ReplayClock, has_motions, is_moving, replay_times
 from paretoik.review.drawing.search_charts import DrawnChart
-from paretoik.review.drawing.search_scene import replay_window
 from paretoik.review.drawing_options import DRAWING
 from paretoik.review.even_rows import even_rows
 from paretoik.review.palette import SCREEN
@@ -145,9 +145,8 @@ class FinishedSearch:
         for number, point in enumerate(self._walk):
             stream.reset_time()
             stream.set_time("point", sequence=number)
-            named = self._end.choice is None or point.id != self._end.choice.id
             self.search.scene.log_looked_at(
-                stream, point, self._views.canvases, self._views.parallel, avoided=self._drawn, named=named
+                stream, point, self._views.canvases, self._views.parallel, avoided=self._drawn, marked=self._end_points
             )
             words = point_text(front, int(np.flatnonzero(front.ids == point.id)[0]), chosen=self._end.choice)
             stream.log(TEXT, rr.TextDocument(words, media_type="text/markdown"))

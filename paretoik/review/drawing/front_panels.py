@@ -8,6 +8,7 @@ from itertools import combinations, pairwise
 
 import numpy as np
 import rerun.blueprint as rrb
+from jaxtyping import Float
 
 from paretoik.arrays import Objectives, Values
 from paretoik.review.drawing.drawn_axes import TEXT, Canvas, window
@@ -87,3 +88,21 @@ def outside_panels(pairs: Sequence[Pair], canvases: Sequence[Canvas], points: Ob
     """Return how many points (points, n_obj) at least one of the panels does not show; none where there are none."""
     seen = [canvas.shows(points[:, list(pair)]) for pair, canvas in zip(pairs, canvases, strict=False)]
     return int((~np.all(seen, axis=0)).sum()) if seen else 0
+
+
+def normalised(F: Objectives, reference: Objectives) -> Objectives:
+    """Return points as shares of the ranges of a front; in the middle where it has but one value, as all are best."""
+    low, width = reference.min(axis=0), np.ptp(reference, axis=0)
+    normalised: Objectives = np.where(width > 0, (F - low) / np.where(width > 0, width, 1.0), 0.5)
+    return normalised
+
+
+def replay_window(fronts: Sequence[Float[np.ndarray, "_ n_obj"]]) -> Objectives:
+    """Return corners (2, n_obj) around the last of `fronts` and, as far as they are near, those before it.
+
+    An early front may lie far off; the window reaches at most one and a half of the final range beyond the final one.
+    """
+    everything, front = np.concatenate(fronts), fronts[-1]
+    low, high = front.min(axis=0), front.max(axis=0)
+    reach: Values = 1.5 * np.where(high > low, high - low, np.maximum(0.1 * np.abs(high), 1e-9))
+    return np.stack([np.maximum(everything.min(axis=0), low - reach), np.minimum(everything.max(axis=0), high + reach)])

@@ -8,10 +8,12 @@ import numpy as np
 import rerun as rr
 from jaxtyping import Float
 
+from paretoik.arrays import Objectives, Values
 from paretoik.review.drawing.drawn_axes import TEXT, Canvas, labels, text_width
 from paretoik.review.drawing_options import MARKS
 from paretoik.review.palette import Colour
 
+Labelled = tuple[Values, str]  # the objectives of a point and what its label says
 SIDES = np.array([(1, 0), (-1, 0), (0, -1), (0, 1), (1, -1), (-1, -1), (1, 1), (-1, 1)], dtype=float)
 
 
@@ -37,9 +39,20 @@ def label_points(
     canvas: Canvas, mark: Float[np.ndarray, " 2"], words: str, others: Float[np.ndarray, "marks 2"]
 ) -> Float[np.ndarray, "points 2"]:
     """Return points all over the label of a `mark`, for others to keep clear of."""
-    middle, wide = label_place(canvas, mark, words, others), np.array([0.5 * text_width(words), 0.4 * TEXT.line])
+    middle, longest = label_place(canvas, mark, words, others), max(words.split("\n"), key=len)
+    wide = np.array([0.5 * text_width(longest), 0.4 * TEXT.line + _below_first(words)])
     grid = np.stack(np.meshgrid(np.linspace(-1.0, 1.0, 9), np.linspace(-1.0, 1.0, 3)), axis=-1).reshape(-1, 2)
     return np.asarray(middle + wide * grid)
+
+
+def named_area(
+    canvas: Canvas, labelled: Labelled, columns: list[int], avoided: Objectives | None
+) -> Float[np.ndarray, "points 2"]:
+    """Return points all over the label of a point that is off what is ``avoided``; none where it is not shown."""
+    place, words = labelled
+    places = place[None, columns]
+    at = canvas.place(places if avoided is None else np.concatenate([places, avoided[:, columns]]))
+    return label_points(canvas, at[0], words, at) if canvas.shows(places)[0] else at[:0]
 
 
 def placed_label(canvas: Canvas, mark: np.ndarray, words: str, others: np.ndarray, colour: Colour) -> rr.Points2D:
@@ -55,16 +68,17 @@ def log_name(
     words: Sequence[str] | None,
     places: Float[np.ndarray, "points 2"],
     colour: Colour,
-    *,
     static: bool = False,
+    taken: Float[np.ndarray, "points 2"] | None = None,
 ) -> None:
     """Label the first of some places, off all of them, with the first of ``words``; without, take its label away.
 
-    It has none where the `canvas` does not show its place.
+    It has none where the `canvas` does not show its place. What is ``taken`` [pixels] belongs to another label.
     """
     at, label = canvas.place(places), rr.Points2D([])
     if words and canvas.shows(places[:1])[0]:
-        label = placed_label(canvas, at[0], words[0], at, colour)
+        others = at if taken is None else np.concatenate([at, taken])
+        label = placed_label(canvas, at[0], words[0], others, colour)
     recording.log(list(entity), label, static=static)
 
 

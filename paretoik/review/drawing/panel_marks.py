@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import rerun as rr
+from jaxtyping import Float
 
 from paretoik.arrays import Objectives, Values
 from paretoik.review.drawing.drawn_axes import TEXT, Canvas, labels, text_width
@@ -90,6 +91,18 @@ def log_epsilon(
     lines = rr.LineStrips2D(strips, colors=SCREEN.epsilon, radii=rr.Radius.ui_points(1.0), draw_order=0.5)
     recording.log(list(entity), lines)
     recording.log([*entity, "names"], labels(words, np.array(places).reshape(-1, 2), SCREEN.epsilon))
+
+
+def bound_points(pair: tuple[int, int], canvas: Canvas, epsilon: Values) -> Float[np.ndarray, "points n_obj"]:
+    """Return points along the finite bounds in the panel of a pair, NaN in others: labels are to keep off them."""
+    lines = [np.zeros((0, len(epsilon)))]
+    for axis in pair:
+        if np.isfinite(epsilon[axis]):
+            line = np.full((40, len(epsilon)), np.nan)
+            line[:, list(pair)] = np.linspace(canvas.low, canvas.high, len(line))
+            line[:, axis] = epsilon[axis]
+            lines.append(line)
+    return np.concatenate(lines)
 
 
 def _end_label_place(canvas: Canvas, strip: np.ndarray, words: str) -> np.ndarray:

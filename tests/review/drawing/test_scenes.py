@@ -108,6 +108,20 @@ def test_an_arm_is_nowhere_seen_to_lag_behind_the_time(run):
     np.testing.assert_allclose(np.diff(across) / np.diff(time), np.ptp(across) / np.ptp(time), rtol=1e-2)
 
 
+def test_the_labels_of_the_chosen_point_and_of_the_one_looked_at_never_overlap(run):
+    _, front, file = run
+    entities, choice = read(file), compromise(front)
+    if len(front) == 1:
+        return
+    (panel,) = {path.rsplit("/", 2)[0] for path in entities if path.endswith("/looked_at/name")}
+    (chosen,) = rows(entities[f"{panel}/chosen/name"], "point", "positions").values()
+    seen = rows(entities[f"{panel}/looked_at/name"], "point", "positions")
+    wide = text_width(f"point {choice.id}")
+    for place in seen.values():
+        if len(chosen) and len(place):
+            assert (np.abs(place[0] - chosen[0]) >= (0.9 * wide, 0.6 * TEXT.line)).any()
+
+
 def test_individuals_outside_the_axes_are_counted_in_words(run):
     _, front, file = run
     entities = read(file)
