@@ -14,6 +14,7 @@ from paretoik.arrays import Objectives, Values
 from paretoik.review.drawing.drawn_axes import TEXT, Canvas, window
 from paretoik.review.drawing_options import DRAWING, VIEWS
 from paretoik.review.palette import SCREEN
+from paretoik.review.recording.recorder import Population
 
 Pair = tuple[int, int]
 
@@ -90,7 +91,7 @@ def outside_panels(pairs: Sequence[Pair], canvases: Sequence[Canvas], points: Ob
     return int((~np.all(seen, axis=0)).sum()) if seen else 0
 
 
-def normalised(F: Objectives, reference: Objectives) -> Objectives:
+def normalised(F: Objectives, reference: Population) -> Objectives:
     """Return points as shares of the ranges of a front; in the middle where it has but one value, as all are best."""
     low, width = reference.min(axis=0), np.ptp(reference, axis=0)
     normalised: Objectives = np.where(width > 0, (F - low) / np.where(width > 0, width, 1.0), 0.5)

@@ -162,15 +162,14 @@ class SearchScene:
         ``of`` says whose ids they have. What is chosen or looked at has its label, ``words`` or its name, where it
         covers fewest of the points that are ``avoided``, and not the label of the point that is ``labelled``.
         """
-        colour, radius, order = LAYERS[layer]
+        colour, _, order = LAYERS[layer]
         drawn = F if reference is None else normalised(F, reference)
         names = [f"point {number}{of}" for number in ids] if named and ids is not None else None
         for pair, canvas in self._panels(canvases):
             pairwise = drawn[:, list(pair)]
             seen = canvas.shows(pairwise)
             hovered = None if names is None else [names[row] for row in np.flatnonzero(seen)]
-            at, size = canvas.place(pairwise[seen]), rr.Radius.ui_points(radius)
-            points = rr.Points2D(at, colors=colour, radii=size, labels=hovered, show_labels=False, draw_order=order)
+            points = _points(layer, canvas.place(pairwise[seen]), hovered)
             recording.log([*self._panel(pair), layer], points, static=static)
             if order > 3.0 and pair == self.panels.pairs[0]:
                 shown = names if words is None else words
@@ -286,6 +285,13 @@ class SearchScene:
 
     def _axis(self, axis: int) -> str:
         return f"{self.names[axis]}, share of its range" if self.timeline == "step" else self.label(axis)
+
+
+def _points(layer: Layer, places: np.ndarray, hovered: Sequence[str] | None) -> rr.Points2D:
+    """Return the points of a layer at places (points, 2) [pixels], with what is said of them under the mouse."""
+    colour, radius, order = LAYERS[layer]
+    radii = rr.Radius.ui_points(radius)
+    return rr.Points2D(places, colors=colour, radii=radii, labels=hovered, show_labels=False, draw_order=order)
 
 
 def _escape(part: str) -> str:
