@@ -37,7 +37,7 @@ def label_place(
 
 def label_points(
     canvas: Canvas, mark: Float[np.ndarray, " 2"], words: str, others: Float[np.ndarray, "marks 2"]
-) -> Float[np.ndarray, "points 2"]:
+) -> Float[np.ndarray, "area 2"]:
     """Return points all over the label of a `mark`, for others to keep clear of."""
     middle, longest = label_place(canvas, mark, words, others), max(words.split("\n"), key=len)
     wide = np.array([0.5 * text_width(longest), 0.4 * TEXT.line + _below_first(words)])
@@ -47,7 +47,7 @@ def label_points(
 
 def named_area(
     canvas: Canvas, labelled: Labelled, columns: list[int], avoided: Objectives | None
-) -> Float[np.ndarray, "points 2"]:
+) -> Float[np.ndarray, "area 2"]:
     """Return points all over the label of a point that is off what is ``avoided``; none where it is not shown."""
     place, words = labelled
     places = place[None, columns]
@@ -69,7 +69,7 @@ def log_name(
     places: Float[np.ndarray, "points 2"],
     colour: Colour,
     static: bool = False,
-    taken: Float[np.ndarray, "points 2"] | None = None,
+    taken: Float[np.ndarray, "area 2"] | None = None,
 ) -> None:
     """Label the first of some places, off all of them, with the first of ``words``; without, take its label away.
 
