@@ -12,15 +12,15 @@ class DrawingOptions:
     Up to ``matrix`` objectives every pair has a panel, beyond only neighbours; parallel coordinates come from
     ``parallel`` objectives on, and more than ``parallel_lines`` points are a grey area there. The timeline along the
     front has at most so many points, ``walk``, that along the starts of a plan so many, ``starts``. Of a plan's
-    optima so many, ``optima``, are listed, and what so large a share of starts as ``near`` led to is on its axes.
+    optima so many, ``optima``, are listed, and what so large a share of starts as ``near`` led to is on its axes. These
+    reach ``better`` times as far beyond the best value as beyond the worst: starts that are better break limits.
     Timelines of generations play ``frames`` of them a second, those of a few things that are looked at one by one
-    ``slow_frames``.
+    ``slow_frames``. Along a motion the arm stands in at least so many postures, ``motion_frames``.
 
-    A limit is in the chart where it lies at most ``limit_distance`` ranges of the curves off, and counts as kept where
-    it is passed by at most such a share of its range, ``kept``. A value that is at most such a share of the largest,
-    ``rounding``, is written as 0. Outlines of obstacles
-    have so many ``corners``; where a body meets the plane is found on a grid of ``section`` points a side. Meshes are
-    drawn up to so many ``mesh_bytes``, since a recording holds them whole.
+    A limit is in the chart where it lies at most ``limit_distance`` ranges of the curves off, and counts as respected
+    where it is passed by at most such a share of its range, ``limit_tolerance``. Errors below ``least_error`` are drawn
+    as that, since their logarithm is. A value that is at most such a share of the largest, ``rounding``, is written as
+    0. Meshes are drawn up to so many ``mesh_bytes``, since a recording holds them whole.
     """
 
     matrix: int = 5
@@ -30,14 +30,91 @@ class DrawingOptions:
     starts: int = 240
     optima: int = 12
     near: float = 0.9
+    better: float = 0.1
     frames: float = 6.0
     slow_frames: float = 1.0
+    motion_frames: int = 100
     limit_distance: float = 2.5
-    kept: float = 1e-6
+    limit_tolerance: float = 1e-6
+    least_error: float = 1e-16
     rounding: float = 1e-10
-    corners: int = 96
-    section: int = 160
     mesh_bytes: float = 40e6
 
 
+@dataclass(frozen=True, kw_only=True)
+class ViewSizes:
+    """Sizes of views [pixels] in a viewer of 1600 by 900, which shows text in one size whatever its own is.
+
+    ``width`` is the viewer's, ``cell`` that of a notebook's; ``body`` the height below the viewer's own bars, ``title``
+    that of a view's title, ``columns`` the widths of the front, the arm and the words. ``panels`` and ``chart`` are
+    width and height of what stands above and below in a column. Of a row of tabs the viewer takes ``tab_controls`` at
+    its right end, and for each ``tab_margin`` around a name whose letters are ``tab_character`` wide.
+    """
+
+    width: float = 1600.0
+    cell: float = 1000.0
+    body: float = 830.0
+    title: float = 24.0
+    columns: tuple[float, float, float] = (600.0, 600.0, 400.0)
+    panels: tuple[float, float] = (600.0, 500.0)
+    chart: tuple[float, float] = (600.0, 236.0)
+    tab_controls: float = 116.0
+    tab_margin: float = 28.0
+    tab_character: float = 6.4
+
+
+@dataclass(frozen=True, kw_only=True)
+class MarkSizes:
+    """Sizes of marks and what stands around them, in pixels of the same viewer where nothing else is said.
+
+    ``end`` is the radius of a best point, wider by ``ring`` around each mark on top of it. Labels stay ``clearance``
+    off the middle of their mark; those that find no room there go ``label_steps`` off, in heights of a label from the
+    nearest place on, and ``outside`` is what leaving the frame counts, in marks that are covered: more than there ever
+    are. Their lines are ``label_line`` apart. Curves are ``line`` wide, limits have dashes of ``dash``. Of a curve of
+    dots more than ``many_dots`` are small ones; axes leave ``dot_margin`` of their range free on either side, so that
+    none is cut. A start of a plan has the radius ``start``; beyond the axes it is a dash of ``edge_dash`` at their
+    edge.
+    """
+
+    end: float = 5.2
+    ring: float = 3.0
+    clearance: float = 9.0
+    label_steps: tuple[float, ...] = (1.0, 2.0, 3.5)
+    outside: float = 1000.0
+    label_line: float = 16.0
+    line: float = 2.4
+    dash: float = 7.0
+    many_dots: int = 40
+    start: float = 3.0
+    edge_dash: float = 9.0
+    dot_margin: float = 0.02
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneOptions:
+    """Lengths in scenes of arms, as shares, since scenes have any size.
+
+    ``arrow`` is how long the arrow of a direction is, of the arm's extent; ``bead_gap`` how far beads of a path are
+    apart, of the scene's; a link shorter than ``shortest`` of the longest joins joints in one place, and is none. The
+    ground sign turns where the cosine between it and a link is above ``covered``: the link would lie over it. The
+    grid of the ground has about so many lines a side, ``grid``; of more than ``ground_ticks`` every second has its
+    words, which are not to touch far from the eye. A scene in space is seen from the direction of ``eye``,
+    so near that all is in sight with a ``label_margin`` [pixels] on either side, across and upwards. The viewer's
+    ``field_of_view`` [degrees] upwards was measured in a picture of it.
+    """
+
+    arrow: float = 0.25
+    bead_gap: float = 0.04
+    shortest: float = 1e-6
+    covered: float = 0.6
+    grid: int = 7
+    ground_ticks: int = 4
+    eye: tuple[float, float, float] = (0.47, -0.8, 0.44)
+    label_margin: tuple[float, float] = (38.0, 26.0)
+    field_of_view: float = 55.0
+
+
 DRAWING = DrawingOptions()
+VIEWS = ViewSizes()
+MARKS = MarkSizes()
+SCENES = SceneOptions()

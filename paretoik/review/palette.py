@@ -10,13 +10,17 @@ Colour: TypeAlias = tuple[int, int, int, int]
 
 @dataclass(frozen=True, kw_only=True)
 class PicturePalette:
-    """Colours of pictures; ``accents`` are taken in turn, ``postures`` is how many of a motion are drawn."""
+    """Colours of pictures; ``accents`` are taken in turn.
+
+    ``postures`` is how many of a motion are drawn, ``motions`` how many of a plan stand side by side.
+    """
 
     ink: str = "#1f2933"
     quiet: str = "#7b8794"
     grid: str = "#e4e7eb"
     accents: tuple[str, ...] = ("#d9480f", "#0b7285", "#5f3dc4", "#2b8a3e")
     postures: int = 8
+    motions: int = 3
 
     def accent(self, number: int) -> str:
         """Return the accent of a number, from the first again after the last."""
@@ -59,6 +63,7 @@ class RecordingPalette:
     chosen: Colour = (70, 225, 190, 255)
     compared: Colour = (240, 110, 140, 255)
     failed: Colour = (225, 95, 95, 255)
+    event: Colour = (255, 178, 62, 255)
     arm: Colour = (235, 238, 242, 255)
     ghost: Colour = (84, 93, 110, 255)
     path: Colour = (255, 178, 62, 255)
@@ -70,6 +75,7 @@ class RecordingPalette:
     body: Colour = (78, 84, 94, 255)
     hull: Colour = (150, 160, 176, 70)
     final: Colour = (124, 88, 36, 255)
+    final_lines: Colour = (60, 48, 28, 255)
     obstacle: Colour = (205, 92, 92, 255)
     obstacle_body: Colour = (205, 92, 92, 110)
     limit: Colour = (200, 206, 216, 255)

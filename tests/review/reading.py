@@ -11,6 +11,7 @@ TIMELINES = (
     *("generation", "motion", "replay", "point", "step", "individual", "level", "refinement"),
     *("start", "optimum", "solution", "direction"),
 )
+SECOND = 1_000_000_000  # durations are nanoseconds
 FRAME = ("/grid", "/labels", "/axes/lines")  # of charts, which alone are no picture
 
 

@@ -17,14 +17,14 @@ from paretoik.review.drawing.drawn_axes import Canvas, equal_window, labels
 from paretoik.review.drawing.ground import Ground
 from paretoik.review.drawing.label_places import label_place
 from paretoik.review.drawing.link_hulls import LinkHulls
-from paretoik.review.drawing.obstacle_drawing import bodies, extent, hatch, outline
+from paretoik.review.drawing.obstacle_drawing import bodies, extent, hatch
 from paretoik.review.drawing.screen_text import screen_text
+from paretoik.review.drawing_options import SCENES
+from paretoik.review.obstacle_outlines import outline
 from paretoik.review.palette import SCREEN, Colour
 from paretoik.review.recording.workcell import Workcell
 
 Links = Float[np.ndarray, "rows nodes 3"]
-COVERED = 0.6  # cosine between the ground sign and a link from where on the link lies over the sign
-BEAD_GAP = 0.04  # distance of the beads of a path to follow, as a share of how large the scene is
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -173,11 +173,10 @@ class ArmDrawing:
             for name, body in bodies(obstacles, self._ground.low, self._ground.high):
                 recording.log(f"{entity}/{name}", body, static=True)
             return
-        corners = [each for each in map(outline, obstacles) if len(each)]
-        if corners:
+        borders = [each for each in map(outline, obstacles) if each is not None]
+        if borders:
             gap = 9.0 * float(self._canvas.high[0] - self._canvas.low[0]) / self._canvas.width
-            borders = [np.concatenate([each, each[:1]]) for each in corners]
-            lines = [line for each in corners for line in hatch(each, gap=gap)]
+            lines = [line for each in borders for line in hatch(each, gap=gap)]
             for part, strips, colour, radius in (
                 ("hatch", lines, SCREEN.obstacle_body, 0.7),
                 ("outlines", borders, SCREEN.obstacle, 1.3),
@@ -216,7 +215,7 @@ class ArmDrawing:
         links = (first[:, :2] / np.maximum(np.linalg.norm(first[:, :2], axis=1), 1e-12)[:, None]) * (1.0, -1.0)
         turns = [np.linalg.matrix_power(np.array([[0.0, 1.0], [-1.0, 0.0]]), number) for number in (0, 1, 3, 2)]
         nearest = [float((links @ turn[1]).max(initial=-1.0)) for turn in turns]  # the cosine to where it stands
-        return turns[0] if nearest[0] < COVERED else turns[int(np.argmin(nearest))]
+        return turns[0] if nearest[0] < SCENES.covered else turns[int(np.argmin(nearest))]
 
     def _log_places(self, recording: rr.RecordingStream) -> None:
         cell = self.workcell
@@ -258,7 +257,7 @@ class ArmDrawing:
         paths = self.workcell.paths
         if self.planar:
             return self.strips(paths, SCREEN.target, 4.0, 0.0)
-        gap = BEAD_GAP * float(np.ptp(self._extent, axis=0).max())
+        gap = SCENES.bead_gap * float(np.ptp(self._extent, axis=0).max())
         return self.points(np.concatenate([beads(path, gap=gap) for path in paths]), SCREEN.target, 2.6, 0.0)
 
     @property
@@ -293,6 +292,6 @@ def beads(path: Float[np.ndarray, "samples 3"], *, gap: float) -> Float[np.ndarr
     >>> beads(np.array([[0.0, 0, 0], [1, 0, 0]]), gap=0.5)[:, 0].tolist()
     [0.0, 0.5, 1.0]
     """
-    gone = np.append(0.0, np.linalg.norm(np.diff(path, axis=0), axis=1).cumsum())
-    places = np.linspace(0.0, gone[-1], 1 + max(1, round(float(gone[-1]) / gap)))
-    return np.stack([np.interp(places, gone, path[:, axis]) for axis in range(3)], axis=1)
+    lengths = np.append(0.0, np.linalg.norm(np.diff(path, axis=0), axis=1).cumsum())
+    places = np.linspace(0.0, lengths[-1], 1 + max(1, round(float(lengths[-1]) / gap)))
+    return np.stack([np.interp(places, lengths, path[:, axis]) for axis in range(3)], axis=1)

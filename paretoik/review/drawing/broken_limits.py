@@ -30,7 +30,7 @@ def _broken(time: np.ndarray, values: np.ndarray, bounds: Float[np.ndarray, "tim
     """Return how curve values break their bounds, "" where they keep them."""
     low, high = bounds.T
     excess = np.maximum(values - high, low - values)
-    over = excess > DRAWING.kept * limit_ranges(low, high)
+    over = excess > DRAWING.limit_tolerance * limit_ranges(low, high)
     if not over.any():
         return ""
     worst, first = int(np.argmax(np.where(over, excess, -np.inf))), int(over.argmax())

@@ -18,21 +18,22 @@ import rerun.blueprint as rrb
 from paretoik.arrays import Times
 from paretoik.front.front import Choice, Front
 from paretoik.review.drawing.drawn_axes import Canvas
-from paretoik.review.drawing.legend import WIDTH, Legend
+from paretoik.review.drawing.legend import Legend
 from paretoik.review.drawing.legend_entries import choice_entries
-from paretoik.review.drawing.motion_scene import MotionScene
+from paretoik.review.drawing.motion_scene import NO_TIMES, MotionScene
 from paretoik.review.drawing.parallel_axes import ParallelAxes
 from paretoik.review.drawing.point_text import choice_text
 from paretoik.review.drawing.recorded_views import RecordedRun, read_recorded, recorded_tab
 from paretoik.review.drawing.recording_layout import choice_blueprint
+from paretoik.review.drawing.replay_clock import is_moving
 from paretoik.review.drawing.search_scene import SearchScene
+from paretoik.review.drawing_options import VIEWS
 from paretoik.review.palette import SCREEN
 from paretoik.review.recording.recorded_end import chosen_point
 from paretoik.review.recording.recorded_point import RecordedPoint
 from paretoik.review.recording.workcell import Workcell, workcell_of_front
 
 ROOTS: tuple[Literal["choice", "compared"], ...] = ("choice", "compared")
-NO_TIMES = np.zeros(0)
 
 
 def write_choice_layer(
@@ -67,7 +68,7 @@ class ChoiceLayer:
     recorded: RecordedRun | None = None
     names: tuple[str, ...] = ()
     around: tuple[RecordedPoint, ...] = ()
-    width: float = WIDTH
+    width: float = VIEWS.width
 
     def log(self, stream: rr.RecordingStream) -> None:
         """Draw the front with the choices, what is to be known of them, and their arms."""
@@ -102,7 +103,7 @@ class ChoiceLayer:
                 ids=np.array([choice.id]),
                 named=True,
                 static=True,
-                beside=self.front.objectives,
+                avoided=self.front.objectives,
             )
             if self._parallel is not None:
                 colour = SCREEN.chosen if root == ROOTS[0] else SCREEN.compared
@@ -118,14 +119,11 @@ class ChoiceLayer:
         assert point.motion is not None
         motions.log(stream)
         others = {} if self.recorded is None else self.recorded.timelines
-        for timeline, kind in {**others, "motion": "duration"}.items():
+        for timeline, kind in {**others, self._timeline: others.get(self._timeline, "duration")}.items():
             stream.set_time(timeline, **{kind: 0})
         motions.log_whole(stream, [point])
         stream.reset_time()
-        samples = point.motion.time - point.motion.time[0]
-        times = np.union1d(samples, times)
-        rows = np.searchsorted(samples, times, side="right") - 1  # the sample that the arm has come to
-        motions.send(stream, point, [rr.TimeColumn("motion", duration=times)], rows)
+        motions.send_motion(stream, point, times)
 
     def blueprint(self) -> rrb.Blueprint:
         """Return the layout, with the views of the recorded run, if there is one, as a second tab."""
@@ -142,8 +140,24 @@ class ChoiceLayer:
         front = self.scene.view() if self._canvases else None
         name = " beside ".join(self._names)
         tab = None if self.recorded is None else recorded_tab(self.scene, self._motions[0], self.recorded)
-        narrow = self.width < WIDTH
-        return choice_blueprint(self._legend, front, below, arms, texts, name=name, recorded=tab, narrow=narrow)
+        narrow = self.width < VIEWS.width
+        return choice_blueprint(
+            self._legend,
+            front,
+            below,
+            arms,
+            texts,
+            name=name,
+            recorded=tab,
+            narrow=narrow,
+            timeline=self._timeline,
+        )
+
+    @property
+    def _timeline(self) -> str:
+        """The timeline that plays: that of the motion, of arms that stand still that of the recorded run."""
+        stands = self.recorded is not None and not is_moving(self._points)
+        return self.recorded.timeline if stands and self.recorded is not None else "motion"
 
     @property
     def scene(self) -> SearchScene:

@@ -18,13 +18,8 @@ import rerun.blueprint as rrb
 from paretoik.arrays import Series, Times, Values
 from paretoik.review.drawing.drawn_axes import TEXT, Canvas, labels, text_width, tick_text, window
 from paretoik.review.drawing.screen_text import screen_text
-from paretoik.review.drawing_options import DRAWING
+from paretoik.review.drawing_options import DRAWING, MARKS, VIEWS
 from paretoik.review.palette import SCREEN, Colour
-
-TOTAL = (600.0, 236.0)  # width and height of a chart with its margins [pixels]
-DASH = 7.0  # pixels
-DOT_MARGIN = 0.02  # of the range of dots, on either side
-MANY_DOTS = 40  # of a curve; fewer are larger
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -55,7 +50,7 @@ class Chart:
     names: Sequence[str]
     colours: Sequence[Colour]
     limits: Sequence[LimitLine] = ()
-    total: tuple[float, float] = TOTAL
+    total: tuple[float, float] = VIEWS.chart
     dots: bool = False
 
     def view(self) -> rrb.View:
@@ -87,10 +82,12 @@ class Chart:
         """Draw curves (curves, instants) and their names, at the current time or for all times."""
         low, high = self.canvas.low, self.canvas.high  # what leaves the picture runs along its edge
         strips = [self.canvas.place(np.clip(_finite_points(instants, curve), low, high)) for curve in curves]
-        lines: Any = rr.LineStrips2D(strips, colors=list(self.colours), radii=rr.Radius.ui_points(1.2), draw_order=1.0)
+        lines: Any = rr.LineStrips2D(
+            strips, colors=list(self.colours), radii=rr.Radius.ui_points(MARKS.line / 2), draw_order=1.0
+        )
         if self.dots:
             colours = [colour for colour, strip in zip(self.colours, strips, strict=True) for _ in strip]
-            radius = rr.Radius.ui_points(2.2 if max(map(len, strips)) > MANY_DOTS else 3.2)
+            radius = rr.Radius.ui_points(2.2 if max(map(len, strips)) > MARKS.many_dots else 3.2)
             lines = rr.Points2D(np.concatenate(strips), colors=colours, radii=radius, draw_order=1.0)
         recording.log(f"{self.entity}/curves", lines, static=static)
         if len(curves) > 1:
@@ -126,8 +123,8 @@ class Chart:
         if len(points) and np.ptp(points[:, 0]) > 0:
             low[0], high[0] = points[:, 0].min(), points[:, 0].max()
             if self.dots:  # whole ones, not those on the frame by half
-                beside = DOT_MARGIN * (high[0] - low[0])
-                low[0], high[0] = low[0] - beside, high[0] + beside
+                margin = MARKS.dot_margin * (high[0] - low[0])
+                low[0], high[0] = low[0] - margin, high[0] + margin
         width = self.total[0] - TEXT.left - self._right
         height = self.total[1] - TEXT.top - TEXT.bottom
         return Canvas(low=low, high=high, labels=self.labels, width=width, height=height)
@@ -147,7 +144,7 @@ class Chart:
     def _dashes(self, limit: LimitLine) -> list[np.ndarray]:
         """Return a limit as dashes, cut where it leaves the picture."""
         low, high = self.canvas.low, self.canvas.high
-        count = int(self.canvas.width / DASH)
+        count = int(self.canvas.width / MARKS.dash)
         x = np.linspace(low[0], high[0], count + 1)
         values = (
             np.interp(x, limit.instants, limit.values) if len(limit.values) > 1 else np.full(len(x), limit.values[0])

@@ -92,7 +92,7 @@ class Canvas:
 
     def _ticks(self) -> tuple[Ticks, Ticks]:
         upright = fitting_ticks(self.low[0], self.high[0], room=self.width, size=_width_of)
-        level = fitting_ticks(self.low[1], self.high[1], room=self.height, size=lambda _: 0.6 * TEXT.line)
+        level = fitting_ticks(self.low[1], self.high[1], room=self.height, size=lambda _: 0.4 * TEXT.line)
         return _countable(upright, self.labels[0]), _countable(level, self.labels[1])
 
     def _labels(self, across: Ticks, along: Ticks) -> tuple[list[str], np.ndarray]:
@@ -107,11 +107,12 @@ class Canvas:
             middle = min(x + width / 2, self.right_edge - 0.5 * text_width(self.labels[0]) - 8.0)
             places.append(np.array([middle, y + height + 1.75 * TEXT.line + self.label_drop]))
         if self.ticked[1]:
-            beside = self.place(np.array([(self.low[0], tick) for tick in along]).reshape(-1, 2))
-            beside_words = tick_words(along)
-            words += beside_words
+            tick_places = self.place(np.array([(self.low[0], tick) for tick in along]).reshape(-1, 2))
+            tick_labels = tick_words(along)
+            words += tick_labels
             places += [
-                place - (0.5 * text_width(word) + 6.0, 0.0) for place, word in zip(beside, beside_words, strict=True)
+                place - (0.5 * text_width(word) + 6.0, 0.0)
+                for place, word in zip(tick_places, tick_labels, strict=True)
             ]
             words.append(self.labels[1])
             places.append(np.array([x - 0.8 * TEXT.left + 0.5 * text_width(self.labels[1]), y - 0.95 * TEXT.line]))

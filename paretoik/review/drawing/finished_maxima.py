@@ -20,13 +20,11 @@ from paretoik.review.drawing.maxima_text import maximum_text
 from paretoik.review.drawing.motion_scene import CHOSEN
 from paretoik.review.drawing.recording_layout import TEXT, Layout, note_view, text_view
 from paretoik.review.drawing.search_charts import DrawnChart
-from paretoik.review.drawing_options import DRAWING
+from paretoik.review.drawing_options import DRAWING, SCENES
 from paretoik.review.palette import SCREEN
 from paretoik.review.recording.measured_maxima import MaximaEnd, MaximaScene
 from paretoik.robot.kinematics import link_nodes
 from paretoik.task.limits import JOINT_UNITS
-
-ARROW = 0.25  # length of the direction's arrow, as a share of how far the arm reaches
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -66,13 +64,13 @@ class FinishedMaxima:
         stream.log(TEXT, rr.TextDocument(words, media_type="text/markdown"))
         for chart, _, _ in self._charts:
             chart.log_cursor(stream, float(number))
-        drawing, found = self._drawing, np.isfinite(self.end.values[:number])
-        before = self._links[: number - 1][found[:-1]]
+        drawing, is_reached = self._drawing, np.isfinite(self.end.values[:number])
+        before = self._links[: number - 1][is_reached[:-1]]
         stream.log(f"{drawing.entity}/postures", drawing.strips(list(before), SCREEN.ghost, 1.0, 0.0))
         arrow = np.stack([self._place, self._arrow_ends[number - 1]])
         stream.log(f"{drawing.entity}/direction/line", drawing.strips([arrow], SCREEN.chosen, 2.0, 9.0))
         stream.log(f"{drawing.entity}/direction/head", drawing.points(arrow[1:], SCREEN.chosen, 4.5, 9.0))
-        if found[-1]:
+        if is_reached[-1]:
             drawing.log_arm(stream, CHOSEN, self._links[number - 1], colour=SCREEN.arm, solid=True)
             if drawing.meshes is not None:
                 drawing.meshes.log_posture(stream, self.end.q[number - 1])
@@ -96,7 +94,7 @@ class FinishedMaxima:
     def _arrow_ends(self) -> np.ndarray:
         directions = np.pad(self.end.directions, ((0, 0), (0, 3 - self.end.directions.shape[1])))
         reach = float(np.nanmax(np.ptp(self._links, axis=(0, 1))))
-        return np.asarray(self._place + ARROW * reach * directions)
+        return np.asarray(self._place + SCENES.arrow * reach * directions)
 
     @cached_property
     def _drawing(self) -> ArmDrawing:

@@ -21,6 +21,7 @@ from paretoik.review.drawing.recording_layout import TEXT, Layout, note_view, te
 from paretoik.review.drawing.replay_clock import ReplayClock, replay_times
 from paretoik.review.drawing.search_charts import DrawnChart
 from paretoik.review.drawing_options import DRAWING
+from paretoik.review.even_rows import even_rows
 from paretoik.review.palette import SCREEN, screen_label
 from paretoik.review.recording.planned import PlanEnd, PlannedLevel, PlannedScene
 from paretoik.review.recording.recorded_point import RecordedMotion, RecordedPoint
@@ -34,8 +35,8 @@ class FinishedPlan:
     """The levels of a plan and its ``end``, None where it has none yet.
 
     Timelines: ``level``, the last of which are the optima; ``start``, on which one start comes after the other with
-    what it led to; ``optimum``, along the optima; ``motion``, along which the best moves; ``replay``, on which the best
-    of each level moves in turn. ``note`` says what was left out.
+    what it led to; ``optimum``, along the optima if there are several; ``motion``, along which the best moves;
+    ``replay``, on which the best of each level moves in turn. ``note`` says what was left out.
     """
 
     scene: PlannedScene
@@ -102,16 +103,14 @@ class FinishedPlan:
         """Let what follows stand at the end of ``replay``, and on ``motion`` and ``optimum``."""
         stream.set_time("replay", duration=self._clock.end)
         stream.set_time("motion", duration=0.0)
-        stream.set_time("optimum", sequence=0)
+        if self._count > 1:
+            stream.set_time("optimum", sequence=0)
 
     def _send_motions(self, stream: rr.RecordingStream, motions: MotionScene) -> None:
         """Let the best arm move: on ``motion`` that of the end, on ``replay`` that of every level in turn."""
         stream.reset_time()
         for point in self._best:
-            assert point.motion is not None
-            columns = [rr.TimeColumn("motion", duration=point.motion.time - point.motion.time[0])]
-            motions.send(stream, point, columns)
-            motions.send_series(stream, point, columns)
+            motions.send_motion(stream, point)
         slots = [(float(self._clock.begins[place]), points) for place, points in enumerate(self._bests)]
         for begin, points in [*slots, (self._clock.end, self._best)]:
             for point in points:
@@ -132,7 +131,7 @@ class FinishedPlan:
 
     def _log_optima(self, stream: rr.RecordingStream, motions: MotionScene) -> None:
         """Walk along the optima."""
-        optima = () if self.end is None else self.end.optima[: DRAWING.walk]
+        optima = () if self.end is None or self._count < 2 else self.end.optima[: DRAWING.walk]
         for place, optimum in enumerate(optima):
             stream.reset_time()
             stream.set_time("optimum", sequence=place)
@@ -177,9 +176,8 @@ class FinishedPlan:
     def _walk(self) -> list[tuple[int, PlannedLevel, int, tuple[RecordedPoint, RecordedPoint]]]:
         """Number, level and row of the starts that are shown one by one, each with what it led to as points."""
         rows = [(level, row) for level in self.messages for row in range(len(level.starts))]
-        count = min(len(rows), DRAWING.starts)
-        picked = np.unique(np.linspace(0, max(len(rows) - 1, 0), count).round().astype(int))
-        return [(int(place) + 1, *rows[place], _start_and_end(*rows[place])) for place in picked]
+        picked = even_rows(len(rows), DRAWING.starts).tolist()
+        return [(place + 1, *rows[place], _start_and_end(*rows[place])) for place in picked]
 
     @property
     def _count(self) -> int:
@@ -213,7 +211,10 @@ class FinishedPlan:
         label = screen_label(f"best {self.scene.name} of the level so far", self.scene.unit, self.scene.maximised)
         best = list(self._over_starts(_best_so_far(level, self.scene.maximised) for level in self.messages))
         distinct = list(self._over_starts(_distinct_so_far(level) for level in self.messages))
-        return [self._chart("best", label, best), self._chart("distinct", DISTINCT, distinct)]
+        return [
+            self._chart("best", "best of the level so far", label, best),
+            self._chart("distinct", "distinct optima", DISTINCT, distinct),
+        ]
 
     def _over_starts(self, curves: Iterator[np.ndarray]) -> Iterator[np.ndarray]:
         """Yield the curve of each level over the starts of all levels, NaN at those of others."""
@@ -227,13 +228,13 @@ class FinishedPlan:
         """Where starts stand in charts: around the number of their level."""
         return self._panel.across - 0.5
 
-    def _chart(self, name: str, label: str, curves: Sequence[np.ndarray]) -> DrawnChart:
+    def _chart(self, name: str, title: str, label: str, curves: Sequence[np.ndarray]) -> DrawnChart:
         instants = self._instants
         shown = np.stack([np.tile(instants, len(curves)), np.concatenate(curves)], axis=1)
         edges = np.array([[-0.5, np.nanmin(shown[:, 1])], [len(self.messages) - 0.5, np.nanmin(shown[:, 1])]])
         chart = Chart(
             entity=f"charts/{name}",
-            title=label,
+            title=title,
             labels=("level", label),
             shown=np.concatenate([shown, edges]),
             names=[f"{level.samples} samples" for level in self.messages],

@@ -12,19 +12,17 @@ import rerun.blueprint as rrb
 
 from paretoik.arrays import Times
 from paretoik.review.drawing.curve_charts import Chart, LimitLine
-from paretoik.review.drawing.front_panels import VIEW
 from paretoik.review.drawing.legend import Legend
 from paretoik.review.drawing.legend_entries import resolution_entries
 from paretoik.review.drawing.motion_scene import MotionScene
 from paretoik.review.drawing.recording_layout import TEXT, Layout, note_view, text_view
 from paretoik.review.drawing.resolution_text import damping_unit, motion_text, speed_unit, step_text
 from paretoik.review.drawing.search_charts import DrawnChart
-from paretoik.review.drawing_options import DRAWING
+from paretoik.review.drawing_options import DRAWING, VIEWS
+from paretoik.review.even_rows import even_rows
 from paretoik.review.palette import SCREEN, Colour
 from paretoik.review.recording.recorded_point import RecordedPoint
 from paretoik.review.recording.resolved import RecordedTraces, ResolutionEnd, ResolvedScene
-
-SMALLEST = 1e-16  # error that is drawn
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -50,8 +48,9 @@ class FinishedResolution:
         if self._note:
             stream.log("notes/left_out", rr.TextDocument(self._note), static=True)
         stream.set_time("motion", duration=0.0)
-        stream.set_time("solution", sequence=0)
-        self._log_whole(stream, self.end.motions[0], self._together)
+        if len(self.end.motions) > 1:
+            stream.set_time("solution", sequence=0)
+        self._log_whole(stream, self.end.motions[0], self._points)
         stream.reset_time()
         self._send_motions(stream)
         self._log_events(stream, self.end.motions[0])
@@ -66,7 +65,7 @@ class FinishedResolution:
         """Draw a motion as the chosen one at the current time, with the words and the criteria that are its own."""
         self._motions.log_whole(stream, points)
         self._log_text(stream, motion_text(self.scene, traces, self.end))
-        for chart, instants, curves in self._own_charts(traces):
+        for chart, instants, curves in self._charts_of_criteria(traces):
             chart.log(stream)
             chart.draw(stream, instants, curves)
         self._log_marks(stream, traces)
@@ -79,20 +78,14 @@ class FinishedResolution:
         rows = np.flatnonzero(traces.status != "done") + 1
         places = np.stack([traces.time[rows], _logarithm(traces.error)[rows]], axis=1)
         marks = rr.Points2D(
-            chart.canvas.place(places), colors=SCREEN.failed, radii=rr.Radius.ui_points(3.0), draw_order=3.0
+            chart.canvas.place(places), colors=SCREEN.event, radii=rr.Radius.ui_points(3.0), draw_order=3.0
         )
         stream.log(f"{chart.entity}/marks", marks)
 
     def _send_motions(self, stream: rr.RecordingStream) -> None:
         """Let the arms move, and cursors with them."""
-        for point in self._together:
-            assert point.motion is not None
-            columns = [rr.TimeColumn("motion", duration=point.motion.time - point.motion.time[0])]
-            self._motions.send(stream, point, columns)
-            if point.axis is None:
-                self._motions.send_series(stream, point, columns)
-                for chart in self._all_charts:
-                    chart.send_cursor(stream, columns, point.motion.time)
+        for point in self._points:
+            self._motions.send_motion(stream, point, charts=self._all_charts)
 
     def _log_events(self, stream: rr.RecordingStream, traces: RecordedTraces) -> None:
         """Say, while the arm moves, what begins at a step: where its status is another than that of the one before."""
@@ -108,34 +101,33 @@ class FinishedResolution:
         stream.log(TEXT, rr.TextDocument(words, media_type="text/markdown"))
 
     @cached_property
-    def _beside(self) -> list[RecordedTraces]:
+    def _thin_motions(self) -> list[RecordedTraces]:
         """Motions that are drawn beside the first one, a colour each."""
         others = list(self.end.motions[1:])
-        count = min(len(others), len(SCREEN.ends))
-        return [others[place] for place in np.unique(np.linspace(0, len(others) - 1, count).round().astype(int))]
+        return [others[place] for place in even_rows(len(others), len(SCREEN.ends))]
 
     @cached_property
-    def _together(self) -> list[RecordedPoint]:
+    def _points(self) -> list[RecordedPoint]:
         """The first motion, and those beside it, as points with their colours' axes."""
-        beside = [replace(each.point, axis=axis) for axis, each in enumerate(self._beside)]
-        return [self.end.motions[0].point, *beside]
+        thin = [replace(each.point, axis=axis) for axis, each in enumerate(self._thin_motions)]
+        return [self.end.motions[0].point, *thin]
 
     @cached_property
     def _motions(self) -> MotionScene:
-        points = [*self._together, *(each.point for each in self.end.motions[1:])]
-        names = tuple(each.name for each in self._beside)
+        points = [*self._points, *(each.point for each in self.end.motions[1:])]
+        names = tuple(each.name for each in self._thin_motions)
         return MotionScene(workcell=self.scene.workcell, names=names, points=points, prefix="")
 
     @cached_property
     def _charts(self) -> list[DrawnChart]:
         """Charts with a curve of each motion that is drawn: the task error first."""
-        shown, unit = [self.end.motions[0], *self._beside], self.scene.error_unit
-        kept = np.log10(max(self.scene.tolerance, SMALLEST))
-        tolerance = self._limit(kept, "tolerance" if len(shown) > 1 else "", SCREEN.limit)
+        shown, unit = [self.end.motions[0], *self._thin_motions], self.scene.error_unit
+        exponent = np.log10(max(self.scene.tolerance, DRAWING.least_error))
+        tolerance = self._limit(exponent, "tolerance" if len(shown) > 1 else "", SCREEN.limit)
         errors = [_logarithm(each.error) for each in shown]
         moving = [np.append(curve[1:2], curve[1:]) for curve in errors]  # at its start an arm is often exact
         error = self._chart("error", f"log10 of the task error [{unit}]", errors, [tolerance], moving)
-        error = replace(error[0], total=VIEW), error[1], error[2]
+        error = replace(error[0], total=VIEWS.panels), error[1], error[2]
         speeds, damping = speed_unit(self.scene.workcell.arm), damping_unit(self.scene)
         speed = self._chart(
             "speed", f"commanded joint speed, all joints [{speeds}]", [_steps(each.speed) for each in shown]
@@ -149,12 +141,12 @@ class FinishedResolution:
             if any(np.nanmax(np.abs(curve), initial=0.0) > 0 for curve in curves):
                 charts.append(self._chart(name, label, curves))
         if shown[0].clearance is not None:
-            kept = self._limit(self.scene.min_clearance, "", SCREEN.limit)
+            least = self._limit(self.scene.min_clearance, "", SCREEN.limit)
             distances = [each.clearance for each in shown if each.clearance is not None]
-            charts.append(self._chart("clearance", "clearance [m]", distances, [kept]))
+            charts.append(self._chart("clearance", "clearance [m]", distances, [least]))
         return charts
 
-    def _own_charts(self, traces: RecordedTraces) -> Iterator[DrawnChart]:
+    def _charts_of_criteria(self, traces: RecordedTraces) -> Iterator[DrawnChart]:
         """Yield the chart of the speeds that each criterion adds, of one motion."""
         if self._criteria_chart is not None:
             curves = np.stack([_steps(curve) for curve in traces.criteria.T])
@@ -179,8 +171,8 @@ class FinishedResolution:
 
     @property
     def _all_charts(self) -> list[Chart]:
-        own = [] if self._criteria_chart is None else [self._criteria_chart]
-        return [*(chart for chart, _, _ in self._charts), *own]
+        criteria = [] if self._criteria_chart is None else [self._criteria_chart]
+        return [*(chart for chart, _, _ in self._charts), *criteria]
 
     def _chart(
         self,
@@ -197,8 +189,8 @@ class FinishedResolution:
             title=label,
             labels=("time [s]", label),
             shown=np.concatenate([np.stack([time, curve], axis=1) for curve in (curves if seen is None else seen)]),
-            names=[each.name for each in (self.end.motions[0], *self._beside)],
-            colours=[SCREEN.chosen, *(SCREEN.end(axis) for axis in range(len(self._beside)))],
+            names=[each.name for each in (self.end.motions[0], *self._thin_motions)],
+            colours=[SCREEN.arm, *(SCREEN.end(axis) for axis in range(len(self._thin_motions)))],
             limits=limits,
         )
         return chart, time, np.stack(curves)
@@ -217,7 +209,7 @@ class FinishedResolution:
     def _layout(self) -> Layout:
         motions = self._motions
         notes: list[rrb.View] = [note_view()] if self._note else []
-        names = [each.name for each in self._beside]
+        names = [each.name for each in self._thin_motions]
         return Layout(
             legend=Legend(entity="legend", entries=resolution_entries(motions, self.end.motions[0].name, names)),
             front=self._all_charts[0].view(),
@@ -232,7 +224,7 @@ class FinishedResolution:
 
 
 def _logarithm(errors: np.ndarray) -> np.ndarray:
-    return np.asarray(np.log10(np.maximum(np.nan_to_num(errors, nan=0.0, posinf=1e16), SMALLEST)))
+    return np.asarray(np.log10(np.maximum(np.nan_to_num(errors, nan=0.0, posinf=1e16), DRAWING.least_error)))
 
 
 def _steps(values: np.ndarray) -> np.ndarray:

@@ -13,69 +13,66 @@ import rerun.blueprint as rrb
 from paretoik.arrays import Objectives
 from paretoik.front.front import Front
 from paretoik.review.drawing.curve_charts import Chart
-from paretoik.review.drawing.drawn_axes import Canvas
+from paretoik.review.drawing.front_panels import replay_window
+from paretoik.review.drawing.front_views import FrontViews, RecordedSearch
 from paretoik.review.drawing.joint_charts import posture_chart
 from paretoik.review.drawing.legend import Legend
 from paretoik.review.drawing.legend_entries import search_entries
 from paretoik.review.drawing.motion_scene import CHOSEN, MotionScene
-from paretoik.review.drawing.parallel_axes import ParallelAxes
-from paretoik.review.drawing.point_text import choice_text, point_text, text_of
-from paretoik.review.drawing.recording_layout import TEXT, Layout, note_view, text_view
-from paretoik.review.drawing.replay_clock import ReplayClock, has_motions, replay_times
-from paretoik.review.drawing.search_charts import DrawnChart, log_series, search_charts
-from paretoik.review.drawing.search_scene import SearchScene, replay_window
+from paretoik.review.drawing.point_text import choice_text, point_text, reason_text, text_of
+from paretoik.review.drawing.recording_layout import TEXT, WHY, Layout, text_view
+from paretoik.review.drawing.replay_clock import ReplayClock, has_motions, is_moving, replay_times
+from paretoik.review.drawing.search_charts import DrawnChart
 from paretoik.review.drawing_options import DRAWING
+from paretoik.review.even_rows import even_rows
+from paretoik.review.palette import SCREEN
 from paretoik.review.recording.recorded_end import end_points, front_point
 from paretoik.review.recording.recorded_point import RecordedPoint
-from paretoik.review.recording.recorder import Generation, SearchedFront, SearchEnd
+from paretoik.review.recording.recorder import Generation, SearchEnd
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FinishedSearch:
-    """All ``generations`` of a search and its ``end``.
+    """A ``search`` that is over.
 
-    Four timelines: the scene's own, ``generation`` for one; ``motion``, along which the last motions move; ``replay``,
-    on which the motions of one generation come after those of the other; ``point``, which walks along the last front.
-    What is seen at the end stands on all of them. ``note`` says what was left out.
+    Four timelines: that of its generations or levels; ``motion``, along which the last motions move, if they do;
+    ``replay``, on which the motions of one generation come after those of the other; ``point``, which walks along the
+    last front, if it has several. What is seen at the end stands on all of them.
     """
 
-    scene: SearchScene
-    recorded: SearchedFront
-    generations: Sequence[Generation]
-    end: SearchEnd
-    note: str = ""
+    search: RecordedSearch
 
     def log(self, stream: rr.RecordingStream) -> None:
         """Draw everything."""
         self._log_still(stream)
-        for place, generation in enumerate(self.generations):
+        for place, generation in enumerate(self._generations):
             stream.reset_time()
-            stream.set_time(self.scene.timeline, sequence=generation.number)
+            stream.set_time(self.search.scene.timeline, sequence=generation.number)
             stream.set_time("replay", duration=float(self._clock.begins[place]))
-            if place == len(self.generations) - 1:
+            if place == len(self._generations) - 1:
                 self._at_the_end(stream)
             self._log_generation(stream, generation, self._moved[place])
-        if self.end.front is not None:
-            self._log_front(stream, self.end.front)
+        if self._end.front is not None:
+            self._log_front(stream, self._end.front)
         stream.reset_time()
         self._send_motions(stream)
-        if self.end.front is not None and len(self.end.front):
-            self._log_walk(stream, self.end.front)
+        if self._end.front is not None and self._is_walked:
+            self._log_walk(stream, self._end.front)
         stream.reset_time()
         stream.send_blueprint(self._layout.blueprint())
 
     def _log_still(self, stream: rr.RecordingStream) -> None:
         """Draw what does not change: axes, charts, the workcell, the last front behind all others."""
-        scene, canvases = self.scene, self._canvases
-        scene.log_axes(stream, canvases, static=True)
+        self._views.log(stream)
         self._layout.legend.log(stream)
-        if self.end.front is not None:
-            scene.log_points(stream, "final", self.end.front.objectives, canvases, static=True)
-        if self._parallel is not None:
-            self._parallel.log(stream, static=True)
-        for chart, instants, curves in self._charts:
-            chart.log(stream)
-            chart.draw(stream, instants, curves, static=True)
+        if self._end.front is not None:
+            final = self._end.front.objectives
+            self.search.scene.log_points(stream, "final", final, self._views.canvases, static=True)
+            if self._views.parallel is not None:
+                lines = self._views.parallel.lines(final, SCREEN.final_lines, 0.6, 0.5)
+                stream.log(f"{self._views.parallel.entity}/final", lines, static=True)
+        if self._end.choice is not None:
+            stream.log(WHY, rr.TextDocument(reason_text(self._end.choice), media_type="text/markdown"), static=True)
         if self._motions is not None:
             self._motions.log(stream)
         if self._postures is not None:
@@ -84,23 +81,18 @@ class FinishedSearch:
             chart.draw(stream, instants, curves, static=True)
         if self._postures is not None and self._motions is not None:
             self._motions.log_postures(stream, self._postures[2].T)
-        if self._note:
-            stream.log("notes/left_out", rr.TextDocument(self._note), static=True)
 
     def _log_generation(self, stream: rr.RecordingStream, generation: Generation, moved: int | None) -> None:
-        self.scene.log_generation(stream, generation, self._canvases, self._parallel)
-        log_series(self.scene, stream, generation)
-        stream.log(TEXT, rr.TextDocument(text_of(self.scene, generation, moved), media_type="text/markdown"))
+        words = text_of(self.search.scene, generation, moved, outside=self._views.outside(generation))
+        self._views.log_generation(stream, generation, words)
         if self._motions is not None:
             self._motions.log_whole(stream, generation.points)
-        for chart, _, _ in self._charts:
-            chart.log_cursor(stream, float(generation.number))
 
     @cached_property
     def _moved(self) -> list[int | None]:
         """The generation whose motions are shown with each: itself where it has the points of these."""
         moved, shown = list[int | None](), None
-        for each in self.generations:
+        for each in self._generations:
             shown = each if has_motions(each.points) else shown
             same = shown is not None and [point.id for point in shown.points] == [point.id for point in each.points]
             moved.append(each.number if same else None if shown is None else shown.number)
@@ -108,42 +100,39 @@ class FinishedSearch:
 
     def _at_the_end(self, stream: rr.RecordingStream) -> None:
         """Let what follows stand at the end, on all timelines."""
-        last = self.generations[-1].number if self.generations else 0
-        stream.set_time(self.scene.timeline, sequence=last)
+        last = self._generations[-1].number if self._generations else 0
+        stream.set_time(self.search.scene.timeline, sequence=last)
         stream.set_time("replay", duration=self._clock.end)
-        stream.set_time("motion", duration=0.0)
-        stream.set_time("point", sequence=0)
+        if is_moving(self._end_points):
+            stream.set_time("motion", duration=0.0)
+        if self._is_walked:
+            stream.set_time("point", sequence=0)
 
     def _log_front(self, stream: rr.RecordingStream, front: Front) -> None:
         """Draw the last front with its choice and their motions."""
         self._at_the_end(stream)
-        scene, points = self.scene, self._end_points
-        scene.log_points(stream, "front", front.objectives, self._canvases, ids=front.ids, named=True)
-        scene.log_marked(stream, points, self._canvases, beside=front.objectives)
-        if self._parallel is not None:
-            chosen = None if self.end.choice is None else self.end.choice.objectives
-            scene.log_lines(stream, self._parallel, front.objectives, chosen)
-        if self.end.choice is not None:
-            words = choice_text(front, self.end.choice)
+        scene, points, canvases = self.search.scene, self._end_points, self._views.canvases
+        scene.log_points(stream, "front", front.objectives, canvases, ids=front.ids, named=True)
+        scene.log_marked(stream, points, canvases, avoided=self._drawn)
+        if self._views.parallel is not None:
+            chosen = None if self._end.choice is None else self._end.choice.objectives
+            scene.log_lines(stream, self._views.parallel, front.objectives, chosen)
+        if self._end.choice is not None:
+            words = choice_text(front, self._end.choice, whole=False)
             stream.log(TEXT, rr.TextDocument(words, media_type="text/markdown"))
         if self._motions is not None:
             self._motions.log_whole(stream, points)
-        if self._postures is not None and self.end.choice is not None:
-            self._postures[0].log_cursor(stream, float(self.end.choice.objectives[0]))
+        if self._postures is not None and self._end.choice is not None:
+            self._postures[0].log_cursor(stream, float(self._end.choice.objectives[0]))
 
     def _send_motions(self, stream: rr.RecordingStream) -> None:
         """Let arms move: on ``motion`` those of the end, on ``replay`` those of every generation that has some."""
         if self._motions is None:
             return
         for point in self._end_points:
-            if point.motion is not None:
-                times = point.motion.time - point.motion.time[0]
-                columns = [rr.TimeColumn("motion", duration=times)]
-                self._motions.send(stream, point, columns)
-                if point.axis is None:
-                    self._motions.send_series(stream, point, columns)
-        slots = [(float(self._clock.begins[i]), self.generations[i].points) for i in sorted(self._clock.moving)]
-        if has_motions(self._end_points):
+            self._motions.send_motion(stream, point)
+        slots = [(float(self._clock.begins[i]), self._generations[i].points) for i in sorted(self._clock.moving)]
+        if is_moving(self._end_points):
             slots.append((self._clock.end, self._end_points))
         for begin, points in slots:
             for point in points:
@@ -156,9 +145,10 @@ class FinishedSearch:
         for number, point in enumerate(self._walk):
             stream.reset_time()
             stream.set_time("point", sequence=number)
-            named, F = self.end.choice is None or point.id != self.end.choice.id, front.objectives
-            self.scene.log_looked_at(stream, point, self._canvases, self._parallel, beside=F, named=named)
-            words = point_text(front, int(np.flatnonzero(front.ids == point.id)[0]), chosen=self.end.choice)
+            self.search.scene.log_looked_at(
+                stream, point, self._views.canvases, self._views.parallel, avoided=self._drawn, marked=self._end_points
+            )
+            words = point_text(front, int(np.flatnonzero(front.ids == point.id)[0]), chosen=self._end.choice)
             stream.log(TEXT, rr.TextDocument(words, media_type="text/markdown"))
             if self._motions is not None:
                 self._motions.log_whole(stream, [point])
@@ -168,68 +158,79 @@ class FinishedSearch:
     @cached_property
     def _walk(self) -> list[RecordedPoint]:
         """Points along the last front, the chosen one among them."""
-        front, choice = self.end.front, self.end.choice
+        front, choice = self._end.front, self._end.choice
         if front is None or not len(front):
             return []
-        rows = set(np.linspace(0, len(front) - 1, min(len(front), DRAWING.walk)).round().astype(int).tolist())
+        rows = set(even_rows(len(front), DRAWING.walk).tolist())
         rows |= set() if choice is None else {choice.index}
         return [front_point(front, row) for row in sorted(rows)]
 
+    @cached_property
+    def _drawn(self) -> Objectives:
+        """What is drawn of the end, and of the last generation behind it."""
+        front = [] if self._end.front is None else [self._end.front.objectives]
+        return np.concatenate([*front, *(each.population for each in self._generations[-1:])])
+
+    @property
+    def _is_walked(self) -> bool:
+        """Whether there is a timeline along the front: one point alone is seen anyway."""
+        return len(self._walk) > 1
+
     @property
     def _note(self) -> str:
-        walked, whole = len(self._walk), 0 if self.end.front is None else len(self.end.front)
+        walked, whole = len(self._walk), 0 if self._end.front is None else len(self._end.front)
         words = f"Of {whole} points {walked} are on the timeline point." if walked < whole else ""
-        return " ".join(filter(None, (self.note, words)))
+        return " ".join(filter(None, (self.search.note, words)))
 
     @cached_property
     def _end_points(self) -> tuple[RecordedPoint, ...]:
         """The points drawn for themselves at the end: of the front, or where there is none of the last generation."""
-        if self.end.front is not None:
-            return end_points(self.end.front, self.end.choice)
-        with_motions = [each.points for each in self.generations if has_motions(each.points)]
+        if self._end.front is not None:
+            return end_points(self._end.front, self._end.choice)
+        with_motions = [each.points for each in self._generations if has_motions(each.points)]
         return with_motions[-1] if with_motions else ()
 
     @cached_property
     def _shown(self) -> Objectives:
-        fronts = [each.front for each in self.generations]
-        fronts += [] if self.end.front is None else [self.end.front.objectives]
-        if fronts and len(fronts[-1]) and self.scene.timeline != "refinement":  # of which both are looked at
+        fronts = [each.front for each in self._generations]
+        fronts += [] if self._end.front is None else [self._end.front.objectives]
+        if fronts and len(fronts[-1]) and self.search.scene.timeline != "refinement":  # of which both are looked at
             return replay_window(fronts)
-        return np.concatenate([np.empty((0, len(self.scene.names))), *fronts])
+        return np.concatenate([np.empty((0, len(self.search.scene.names))), *fronts])
+
+    @property
+    def _generations(self) -> Sequence[Generation]:
+        return self.search.generations
+
+    @property
+    def _end(self) -> SearchEnd:
+        return self.search.end
 
     @cached_property
-    def _canvases(self) -> list[Canvas]:
-        return self.scene.canvases(self._shown)
-
-    @cached_property
-    def _parallel(self) -> ParallelAxes | None:
-        return self.scene.parallel_axes(self._shown)
+    def _views(self) -> FrontViews:
+        return FrontViews(search=self.search, shown=self._shown, note=self._note)
 
     @cached_property
     def _clock(self) -> ReplayClock:
-        return ReplayClock.of([each.points for each in self.generations])
-
-    @cached_property
-    def _charts(self) -> list[DrawnChart]:
-        return search_charts(self.scene, self.generations)
+        return ReplayClock.of([each.points for each in self._generations])
 
     @cached_property
     def _motions(self) -> MotionScene | None:
-        cell = self.recorded.workcell
-        points = [*self._walk, *self._end_points, *(point for each in self.generations for point in each.points)]
+        cell = self.search.recorded.workcell
+        points = [*self._walk, *self._end_points, *(point for each in self._generations for point in each.points)]
         if cell is None or not any(point.motion is not None and point.axis is None for point in points):
             return None
-        return MotionScene(workcell=cell, names=self.scene.names, points=points)
+        return MotionScene(workcell=cell, names=self.search.scene.names, points=points)
 
     @cached_property
     def _postures(self) -> DrawnChart | None:
         """The joints along the front, where arms stand still and would show straight lines over time."""
-        cell, front = self.recorded.workcell, self.end.front
+        cell, front = self.search.recorded.workcell, self._end.front
         standing = all(point.motion is not None and point.motion.is_standing for point in self._end_points)
         if cell is None or front is None or not self._end_points or not standing or front.motions is None:
             return None
         postures = np.asarray(front.motions.q)[:, 0]
-        chart, values, curves = posture_chart(cell, front.objectives[:, 0], postures, self.scene.label(0))
+        chart, values, curves = posture_chart(cell, front.objectives[:, 0], postures, self.search.scene.label(0))
         return replace(chart, title="joint position over the final front"), values, curves
 
     @cached_property
@@ -238,15 +239,15 @@ class FinishedSearch:
         joints: list[Chart] = [] if motions is None else list(motions.charts.values())
         if self._postures is not None:
             joints = [self._postures[0]]
-        parallel = [] if self._parallel is None else [self._parallel.view()]
-        notes: list[rrb.View] = [note_view()] if self._note else []
-        words = CHOSEN if self.end.front is not None and self.end.choice is not None else "compromise"
+        scene, choice = self.search.scene, self._end.choice
+        words = CHOSEN if self._end.front is not None and choice is not None else "compromise"
+        why = [] if choice is None else [rrb.TextDocumentView(origin=WHY, name="why")]
         return Layout(
-            legend=Legend(entity="legend", entries=search_entries(self.scene, motions, walked=bool(self._walk))),
-            front=self.scene.view() if self._canvases else None,
-            charts=[*parallel, *(chart.view() for chart, _, _ in self._charts)],
+            legend=Legend(entity="legend", entries=search_entries(scene, motions, walked=self._is_walked)),
+            front=self._views.front,
+            charts=self._views.charts,
             arm=None if motions is None else motions.view(),
             joints=[chart.view() for chart in joints],
-            texts=[text_view(f"{self.scene.timeline}, {words}"), *notes],
-            timeline=self.scene.timeline,
+            texts=[text_view(f"{scene.timeline}, {words}"), *why, *self._views.notes],
+            timeline=scene.timeline,
         )

@@ -8,13 +8,14 @@ from itertools import combinations, pairwise
 
 import numpy as np
 import rerun.blueprint as rrb
+from jaxtyping import Float
 
 from paretoik.arrays import Objectives, Values
 from paretoik.review.drawing.drawn_axes import TEXT, Canvas, window
-from paretoik.review.drawing_options import DRAWING
+from paretoik.review.drawing_options import DRAWING, VIEWS
 from paretoik.review.palette import SCREEN
+from paretoik.review.recording.recorder import Population
 
-VIEW = (600.0, 500.0)  # of the whole view [pixels]
 Pair = tuple[int, int]
 
 
@@ -59,8 +60,8 @@ class Panels:
         rows = count if matrix else int(np.ceil(count / columns))
         column, row = (first, second - 1) if matrix else (number % columns, number // columns)
         across, below = (12.0, TEXT.line + 8.0) if matrix else (TEXT.left + 10.0, TEXT.top + TEXT.bottom)
-        width = (VIEW[0] - TEXT.left - TEXT.right - (columns - 1) * across) / columns
-        height = (VIEW[1] - TEXT.top - TEXT.bottom - self._stagger - (rows - 1) * below) / rows
+        width = (VIEWS.panels[0] - TEXT.left - TEXT.right - (columns - 1) * across) / columns
+        height = (VIEWS.panels[1] - TEXT.top - TEXT.bottom - self._stagger - (rows - 1) * below) / rows
         down = self._stagger * (column % 2) if matrix else 0.0
         return Canvas(
             low=low,
@@ -71,7 +72,7 @@ class Panels:
             origin=np.array([column * (width + across), row * (height + below)]),
             ticked=(row == rows - 1, column == 0) if matrix else (True, True),
             label_drop=down,
-            right_edge=VIEW[0] - TEXT.left,
+            right_edge=VIEWS.panels[0] - TEXT.left,
         )
 
     @property
@@ -80,5 +81,29 @@ class Panels:
         count = len(self.labels) - 1
         if not 1 < count < DRAWING.matrix:
             return 0.0
-        room = VIEW[0] / count
+        room = VIEWS.panels[0] / count
         return TEXT.line if TEXT.character * max(map(len, self.labels)) > room - 10.0 else 0.0
+
+
+def outside_panels(pairs: Sequence[Pair], canvases: Sequence[Canvas], points: Objectives) -> int:
+    """Return how many points (points, n_obj) at least one of the panels does not show; none where there are none."""
+    seen = [canvas.shows(points[:, list(pair)]) for pair, canvas in zip(pairs, canvases, strict=False)]
+    return int((~np.all(seen, axis=0)).sum()) if seen else 0
+
+
+def normalised(F: Objectives, reference: Population) -> Objectives:
+    """Return points as shares of the ranges of a front; in the middle where it has but one value, as all are best."""
+    low, width = reference.min(axis=0), np.ptp(reference, axis=0)
+    normalised: Objectives = np.where(width > 0, (F - low) / np.where(width > 0, width, 1.0), 0.5)
+    return normalised
+
+
+def replay_window(fronts: Sequence[Float[np.ndarray, "_ n_obj"]]) -> Objectives:
+    """Return corners (2, n_obj) around the last of `fronts` and, as far as they are near, those before it.
+
+    An early front may lie far off; the window reaches at most one and a half of the final range beyond the final one.
+    """
+    everything, front = np.concatenate(fronts), fronts[-1]
+    low, high = front.min(axis=0), front.max(axis=0)
+    reach: Values = 1.5 * np.where(high > low, high - low, np.maximum(0.1 * np.abs(high), 1e-9))
+    return np.stack([np.maximum(everything.min(axis=0), low - reach), np.minimum(everything.max(axis=0), high + reach)])

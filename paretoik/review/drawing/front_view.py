@@ -21,13 +21,13 @@ from paretoik.front.front import Choice, Front
 from paretoik.inputs import check_function
 from paretoik.review.drawing.choice_layer import ROOTS, ChoiceLayer
 from paretoik.review.drawing.parallel_axes import drawn_rows
-from paretoik.review.drawing_options import DRAWING
+from paretoik.review.drawing_options import DRAWING, VIEWS
+from paretoik.review.even_rows import even_rows
 from paretoik.review.recording.recorded_end import front_point
 
 PACKAGE = "rerun_notebook"
 ASSET = "RERUN_NOTEBOOK_ASSET"  # where the browser gets the viewer from; by default the Rerun company's server
 ROOT = ROOTS[0]
-CELL = 1000.0  # width of a notebook's cell [pixels]
 
 
 class FrontView:
@@ -39,10 +39,9 @@ class FrontView:
         self._selected: Ids = np.zeros(0, dtype=np.int64)
         self._callbacks = list[Callable[[Ids], object]]()
         self._times = np.zeros(0)  # of all motions that were shown
-        rows = np.linspace(0, len(front) - 1, min(len(front), DRAWING.walk)).round().astype(int)
-        around = tuple(front_point(front, row) for row in np.unique(rows).tolist())
+        around = tuple(front_point(front, row) for row in even_rows(len(front), DRAWING.walk).tolist())
         self._layer = ChoiceLayer(
-            front=front, choices=(self._choice,), names=("selected point",), around=around, width=CELL
+            front=front, choices=(self._choice,), names=("selected point",), around=around, width=VIEWS.cell
         )
         self._stream = rr.RecordingStream("paretoik-front", send_properties=False)
         self.viewer = viewer(self._stream)
@@ -113,13 +112,13 @@ class FrontView:
         if last == "front" and "parallel" in parts[1:2]:
             ids = ids[drawn_rows(len(ids))]
         elif last != "front":
-            own = (
+            is_choice = (
                 last == ROOT
                 or parts[-2:] == [ROOT, "name"]
                 or parts[1:2] in (["arm"], ["joint_charts"])
                 or first != ROOT
             )
-            return np.array([self._choice.id] if own else [], dtype=np.int64)
+            return np.array([self._choice.id] if is_choice else [], dtype=np.int64)
         number = item.instance_id
         return np.asarray(ids if number is None else ids[number : number + 1], dtype=np.int64)
 

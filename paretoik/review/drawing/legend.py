@@ -10,10 +10,10 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from paretoik.review.drawing.drawn_axes import TEXT, labels, text_width
+from paretoik.review.drawing_options import VIEWS
 from paretoik.review.palette import SCREEN, Colour
 
-WIDTH = 1600.0  # pixels
-MARK = "● "
+BULLET = "● "
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,7 +22,7 @@ class Legend:
 
     entity: str
     entries: Sequence[tuple[str, Colour]]
-    width: float = WIDTH
+    width: float = VIEWS.width
 
     def view(self) -> rrb.View:
         """Return the strip."""
@@ -38,7 +38,7 @@ class Legend:
 
     def log(self, recording: rr.RecordingStream) -> None:
         """Draw the words, for all times."""
-        words = [MARK + word for word, _ in self.entries]
+        words = [BULLET + word for word, _ in self.entries]
         middles = [
             (x + 0.5 * text_width(word), (row + 0.5) * self._row)
             for word, (row, x) in zip(words, self._places(), strict=True)
@@ -54,7 +54,7 @@ class Legend:
         """Return the row of each entry, and where it begins."""
         places, row, x = list[tuple[int, float]](), 0, 24.0
         for word, _ in self.entries:
-            width = text_width(MARK + word) + 36.0  # wider than needed, for smaller windows
+            width = text_width(BULLET + word) + 36.0  # wider than needed, for smaller windows
             if x + width > self.width and x > 24.0:
                 row, x = row + 1, 24.0
             places.append((row, x))

@@ -11,7 +11,7 @@ from paretoik.review.recording.workcell import Workcell
 
 Entry = tuple[str, Colour]
 RESOLUTION_ENTRIES: tuple[Entry, ...] = (
-    ("step damped, shortened, held, limited or missed", SCREEN.failed),
+    ("step damped, shortened, held, limited or missed", SCREEN.event),
     ("error from which the path counts as lost: dashed", SCREEN.limit),
 )
 
@@ -40,6 +40,7 @@ def plan_entries(motions: MotionScene | None) -> list[Entry]:
     """Return what is drawn of a plan in which colour."""
     entries: list[Entry] = [
         ("start", SCREEN.population),
+        ("start beyond the axes: a dash at their edge", SCREEN.population),
         ("what it led to", SCREEN.front),
         ("start that led to no optimum", SCREEN.failed),
         ("best, of a level or in the end", SCREEN.chosen),
@@ -52,9 +53,10 @@ def plan_entries(motions: MotionScene | None) -> list[Entry]:
 
 def resolution_entries(motions: MotionScene, first: str, others: Sequence[str]) -> list[Entry]:
     """Return what is drawn of resolved motions in which colour; the ``first`` is drawn solid."""
-    named: list[Entry] = [(first, SCREEN.chosen)] if others else []
+    named: list[Entry] = [(first, SCREEN.arm)] if others else []
     named += [(name, SCREEN.end(axis)) for axis, name in enumerate(others)]
-    return [*named, *RESOLUTION_ENTRIES, *motion_entries(motions)]
+    arm = f"arm of {first}, or of the motion looked at" if others else "arm"
+    return [*named, *RESOLUTION_ENTRIES, *motion_entries(motions, arm)]
 
 
 def maxima_entries(cell: Workcell, word: str) -> list[Entry]:

@@ -11,9 +11,8 @@ import rerun as rr
 from jaxtyping import Float
 
 from paretoik.review.drawing.obstacle_drawing import turn_of_z
+from paretoik.review.drawing_options import SCENES
 from paretoik.review.palette import SCREEN
-
-SHORTEST = 1e-6  # of the longest link; between joints in one place there is no link
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,9 +50,9 @@ def _capsules(links: Float[np.ndarray, "rows nodes 3"]) -> dict[str, Any]:
     """Return the fields of the capsules of all rows, those of one posture after those of the one before."""
     axes = np.diff(links, axis=1)
     lengths = np.linalg.norm(axes, axis=2)
-    kept = (lengths > SHORTEST * lengths.max()).any(axis=0)
+    is_link = (lengths > SCENES.shortest * lengths.max()).any(axis=0)
     return {
-        "lengths": lengths[:, kept].ravel(),
-        "translations": links[:, :-1][:, kept].reshape(-1, 3),
-        "quaternions": np.array([turn_of_z(axis) for axis in axes[:, kept].reshape(-1, 3)]),
+        "lengths": lengths[:, is_link].ravel(),
+        "translations": links[:, :-1][:, is_link].reshape(-1, 3),
+        "quaternions": np.array([turn_of_z(axis) for axis in axes[:, is_link].reshape(-1, 3)]),
     }

@@ -12,7 +12,7 @@ import rerun.blueprint as rrb
 
 from paretoik.review.drawing.drawn_axes import Canvas, equal_window
 from paretoik.review.drawing.ground import Ground
-from paretoik.review.drawing.label_places import label_beside
+from paretoik.review.drawing.label_places import placed_label
 from paretoik.review.palette import SCREEN, Colour
 from paretoik.review.recording.measured_maxima import MaximaEnd, MaximaScene
 
@@ -59,13 +59,13 @@ class MaximaPanel:
     def log_until(self, recording: rr.RecordingStream, count: int) -> None:
         """Draw the first so many maxima, the last of them as the chosen one."""
         tips = self.tips[:count]
-        found = np.isfinite(tips).all(axis=1)
+        is_reached = np.isfinite(tips).all(axis=1)
         recording.log(f"{ENTITY}/rays", self._rays(count, SCREEN.lines if self.planar else SCREEN.front, 0.6))
         recording.log(f"{ENTITY}/outline", self._outline(count, SCREEN.front, 1.6, 2.0))
-        names = [f"direction {number}" for number in np.flatnonzero(found) + 1]
-        corners = self._points(tips[found], SCREEN.front, 3.2, 3.0, labels=names, show_labels=False)
+        names = [f"direction {number}" for number in np.flatnonzero(is_reached) + 1]
+        corners = self._points(tips[is_reached], SCREEN.front, 3.2, 3.0, labels=names, show_labels=False)
         recording.log(f"{ENTITY}/corners", corners)
-        chosen = tips[count - 1 : count][found[-1:]]
+        chosen = tips[count - 1 : count][is_reached[-1:]]
         arrow = [np.stack([np.zeros(3), tip]) for tip in chosen]
         recording.log(f"{ENTITY}/chosen/ray", self._strips(arrow, SCREEN.chosen, 2.0, 4.0))
         recording.log(f"{ENTITY}/chosen/tip", self._points(chosen, SCREEN.chosen, 6.0, 5.0))
@@ -81,7 +81,7 @@ class MaximaPanel:
         shares = np.linspace(0.0, 1.0, 12)[:, None, None]
         rays = (shares * self.tips[np.isfinite(self.tips).all(axis=1), :2]).reshape(-1, 2)
         at = self._canvas.place
-        return label_beside(self._canvas, at(tip[0, :2]), words, at(rays), SCREEN.chosen)
+        return placed_label(self._canvas, at(tip[0, :2]), words, at(rays), SCREEN.chosen)
 
     @property
     def planar(self) -> bool:

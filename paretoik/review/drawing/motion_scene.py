@@ -11,16 +11,20 @@ import rerun as rr
 import rerun.blueprint as rrb
 from jaxtyping import Float
 
+from paretoik.arrays import Times
 from paretoik.review.drawing.arm_drawing import ArmDrawing
 from paretoik.review.drawing.curve_charts import Chart
 from paretoik.review.drawing.joint_charts import joint_charts
 from paretoik.review.drawing.screen_text import entity_names, screen_text
+from paretoik.review.drawing_options import DRAWING
+from paretoik.review.even_rows import even_rows
 from paretoik.review.palette import SCREEN
 from paretoik.review.recording.recorded_point import RecordedMotion, RecordedPoint, joint_curves
 from paretoik.review.recording.workcell import Workcell
 from paretoik.robot.kinematics import link_nodes
 
 CHOSEN = "chosen"
+NO_TIMES = np.zeros(0)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -75,7 +79,7 @@ class MotionScene:
                 colour, width = (SCREEN.path, 1.4) if chosen else (SCREEN.end(point.axis or 0), 1.0)
                 recording.log(f"{layer}/path", drawing.strips([links[:, -1]], colour, width, 1.0))
             if chosen:
-                ghosts = drawing.strips(list(links[self._ghost_rows(len(links))]), SCREEN.ghost, 1.0, 0.0)
+                ghosts = drawing.strips(list(links[even_rows(len(links), SCREEN.ghosts)]), SCREEN.ghost, 1.0, 0.0)
                 recording.log(f"{layer}/ghosts", ghosts)
                 curves = self._curves(point.motion)
                 for kind, chart in self.charts.items():
@@ -84,7 +88,7 @@ class MotionScene:
 
     def log_postures(self, recording: rr.RecordingStream, postures: Float[np.ndarray, "postures dof"]) -> None:
         """Draw postures as ghosts, for all times."""
-        rows = self._ghost_rows(len(postures))
+        rows = even_rows(len(postures), SCREEN.ghosts)
         ghosts = self.drawing.strips(list(self._links(postures[rows])), SCREEN.ghost, 1.0, 0.0)
         recording.log(f"{self.drawing.entity}/postures", ghosts, static=True)
 
@@ -104,6 +108,32 @@ class MotionScene:
         if point.axis is None:
             for chart in self.charts.values():
                 chart.send_cursor(recording, columns, motion.time[rows])
+
+    def send_motion(
+        self,
+        recording: rr.RecordingStream,
+        point: RecordedPoint,
+        times: Float[np.ndarray, " instants"] = NO_TIMES,
+        *,
+        charts: Sequence[Chart] = (),
+    ) -> None:
+        """Let the arm of a point move on the timeline ``motion``, between its samples too, and at ``times`` [s].
+
+        Between samples joints move evenly. What joints of the chosen point do is logged at the samples; cursors of
+        further ``charts`` move with it.
+        """
+        motion = point.motion
+        if motion is None or motion.is_standing:
+            return
+        samples = motion.time - motion.time[0]
+        times = np.union1d(_frames(samples), times)
+        columns = [rr.TimeColumn("motion", duration=times)]
+        q = np.stack([np.interp(times, samples, each) for each in motion.q.T], axis=1)
+        self.send_postures(recording, self.layer(point), columns, q, point.axis)
+        if point.axis is None:
+            for chart in (*self.charts.values(), *charts):
+                chart.send_cursor(recording, columns, motion.time[0] + np.minimum(times, samples[-1]))
+            self.send_series(recording, point, [rr.TimeColumn("motion", duration=samples)])
 
     def send_series(
         self, recording: rr.RecordingStream, point: RecordedPoint, columns: Sequence[rr.TimeColumn]
@@ -140,7 +170,7 @@ class MotionScene:
     def drawing(self) -> ArmDrawing:
         """Where arms are drawn."""
         motions = [point.motion for point in self.points if point.motion is not None]
-        picked = [motion.q[self._ghost_rows(len(motion.q))] for motion in motions]
+        picked = [motion.q[even_rows(len(motion.q), SCREEN.ghosts)] for motion in motions]
         nodes = self._links(np.concatenate(picked)).reshape(-1, 3)
         return ArmDrawing(entity=f"{self.root}arm", workcell=self.workcell, nodes=nodes)
 
@@ -176,6 +206,14 @@ class MotionScene:
     def _links(self, q: Float[np.ndarray, "rows dof"]) -> Float[np.ndarray, "rows nodes 3"]:
         return np.asarray(link_nodes(self.workcell.arm, q))
 
-    @staticmethod
-    def _ghost_rows(count: int) -> np.ndarray:
-        return np.unique(np.linspace(0, count - 1, min(SCREEN.ghosts, count)).round().astype(int))
+
+def _frames(samples: Times) -> Float[np.ndarray, " frames"]:
+    """Return the times of samples [s], and so many between them that an arm is nowhere seen to lag behind.
+
+    >>> _frames(np.array([0.0, 1.0]))[[0, 25, -1]].tolist()
+    [0.0, 0.25, 1.0]
+    """
+    longest = np.ptp(samples) / DRAWING.motion_frames
+    parts = np.ceil(np.diff(samples) / longest - 1e-6).astype(int)
+    within = [number + np.arange(1, count + 1) / count for number, count in enumerate(parts)]
+    return np.asarray(np.interp(np.concatenate([[0.0], *within]), np.arange(len(samples)), samples))

@@ -8,37 +8,17 @@ from typing import Any
 import numpy as np
 import rerun as rr
 from jaxtyping import Float
-from scipy.spatial import ConvexHull
 
 from paretoik.arrays import Vector3
-from paretoik.review.drawing_options import DRAWING
+from paretoik.review.obstacle_outlines import Polyline
 from paretoik.review.palette import SCREEN
-from paretoik.task.distances import signed_distance
-from paretoik.task.obstacles import Box, Capsule, Circle, Obstacle, Sphere
-
-Outline = Float[np.ndarray, "corners 2"]
+from paretoik.task.obstacles import Capsule, Circle, Obstacle, Sphere
 
 
-def outline(obstacle: Obstacle) -> Outline:
-    """Return the corners [m] of where an obstacle meets the xy-plane, one after the other; none where it does not."""
-    if isinstance(obstacle, Circle):
-        return _disc(obstacle.center, obstacle.radius)
-    if isinstance(obstacle, Sphere):
-        return _disc(obstacle.center[:2], float(np.sqrt(max(obstacle.radius**2 - obstacle.center[2] ** 2, 0.0))))
-    if (
-        isinstance(obstacle, Box)
-        and len(obstacle.half_sizes) == 2
-        and np.allclose(obstacle.pose.rotation[2], (0, 0, 1))
-    ):
-        corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) * np.append(obstacle.half_sizes, 0.0)
-        return np.asarray(obstacle.pose.apply(corners)[:, :2])
-    return _section(obstacle)
-
-
-def hatch(corners: Outline, *, gap: float) -> list[Float[np.ndarray, "2 2"]]:
-    """Return lines at 45 degrees, a ``gap`` apart, across the inside of a convex outline."""
+def hatch(corners: Polyline, *, gap: float) -> list[Float[np.ndarray, "2 2"]]:
+    """Return lines at 45 degrees, a ``gap`` apart, across the inside of a closed convex outline (corners, 2)."""
     across, along = np.array([1.0, 1.0]) / np.sqrt(2), np.array([1.0, -1.0]) / np.sqrt(2)
-    start, end = corners, np.roll(corners, -1, axis=0)
+    start, end = corners[:-1], corners[1:]
     first, last = start @ across, end @ across
     lines = []
     for level in np.arange(first.min() + 0.5 * gap, first.max(), gap):
@@ -102,27 +82,6 @@ def extent(obstacle: Obstacle) -> Float[np.ndarray, "corners 3"]:
     sizes = np.pad(obstacle.half_sizes, (0, 3 - len(obstacle.half_sizes)))
     signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
     return np.asarray(obstacle.pose.apply(signs * sizes))
-
-
-def _disc(center: np.ndarray, radius: float) -> Outline:
-    angle = np.linspace(0.0, 2 * np.pi, DRAWING.corners, endpoint=False)
-    circle: Outline = center + radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    return circle if radius > 0 else np.zeros((0, 2))
-
-
-def _section(obstacle: Obstacle) -> Outline:
-    """Return the convex hull of the points of a grid in the plane that lie inside an obstacle."""
-    low, high = extent(obstacle).min(axis=0)[:2], extent(obstacle).max(axis=0)[:2]
-    inside = np.zeros((0, 2))
-    for _ in range(2):  # once to find it, once to see it sharply
-        x, y = (np.linspace(low[i], high[i], DRAWING.section) for i in range(2))
-        grid = np.stack([*np.meshgrid(x, y), np.zeros((len(y), len(x)))], axis=-1).reshape(-1, 3)
-        inside = grid[signed_distance(obstacle, grid, grid) <= 0, :2]
-        if len(inside) < 3 or not np.ptp(inside, axis=0).all():
-            return np.zeros((0, 2))
-        step = (high - low) / (DRAWING.section - 1)
-        low, high = inside.min(axis=0) - step, inside.max(axis=0) + step
-    return np.asarray(inside[ConvexHull(inside).vertices])
 
 
 def turn_of_z(axis: Vector3) -> np.ndarray:

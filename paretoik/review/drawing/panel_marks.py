@@ -6,17 +6,16 @@ from collections.abc import Sequence
 
 import numpy as np
 import rerun as rr
+from jaxtyping import Float
 
 from paretoik.arrays import Objectives, Values
 from paretoik.review.drawing.drawn_axes import TEXT, Canvas, labels, text_width
 from paretoik.review.drawing.label_places import log_name
 from paretoik.review.drawing.screen_text import screen_text
+from paretoik.review.drawing_options import MARKS
 from paretoik.review.palette import SCREEN
 from paretoik.review.recording.recorded_point import RecordedPoint
 from paretoik.review.recording.recorder import Population
-
-END = 5.2  # radius of the mark of a best point [pixels]
-RING = 3.0  # by how much it is wider than a mark on top of it [pixels]
 
 
 def log_ends(
@@ -43,7 +42,7 @@ def log_ends(
         if canvas.shows(places[row : row + 1])[0]:
             words = best_words(points, row, names)
             marks.append(row)
-            radii.append(END + RING * (len(same) - 1 - same.index(row) + (points[row].id in chosen)))
+            radii.append(MARKS.end + MARKS.ring * (len(same) - 1 - same.index(row) + (points[row].id in chosen)))
             hovered.append(f"point {points[row].id}{of}, {', '.join(words.splitlines())}")
             if len(same) > 1 and points[row].id not in chosen:
                 shared[words] = row
@@ -88,18 +87,30 @@ def log_epsilon(
         strips.append(canvas.place(line))
         (name, unit), sense = labelled[axis], "≥" if maximised[axis] else "≤"
         words.append(f"ε: {name} {sense} {bound:.4g} {unit}".rstrip())
-        places.append(_beside_end(canvas, strips[-1], words[-1]))
+        places.append(_end_label_place(canvas, strips[-1], words[-1]))
     lines = rr.LineStrips2D(strips, colors=SCREEN.epsilon, radii=rr.Radius.ui_points(1.0), draw_order=0.5)
     recording.log(list(entity), lines)
     recording.log([*entity, "names"], labels(words, np.array(places).reshape(-1, 2), SCREEN.epsilon))
 
 
-def _beside_end(canvas: Canvas, strip: np.ndarray, words: str) -> np.ndarray:
+def bound_points(pair: tuple[int, int], canvas: Canvas, epsilon: Values) -> Float[np.ndarray, "points n_obj"]:
+    """Return points along the finite bounds in the panel of a pair, NaN in others: labels are to keep off them."""
+    lines = [np.zeros((0, len(epsilon)))]
+    for axis in pair:
+        if np.isfinite(epsilon[axis]):
+            line = np.full((40, len(epsilon)), np.nan)
+            line[:, list(pair)] = np.linspace(canvas.low, canvas.high, len(line))
+            line[:, axis] = epsilon[axis]
+            lines.append(line)
+    return np.concatenate(lines)
+
+
+def _end_label_place(canvas: Canvas, strip: np.ndarray, words: str) -> np.ndarray:
     """Return the middle of words beside a line across a panel: where it ends, on the side that has more room."""
-    beside = np.array([0.5 * text_width(words) + 14.0, 0.5 * TEXT.line + 4.0])
+    offset = np.array([0.5 * text_width(words) + 14.0, 0.5 * TEXT.line + 4.0])
     end, middle = strip[-1], canvas.origin + 0.5 * np.array([canvas.width, canvas.height])
     inwards = np.where(end > middle, -1.0, 1.0)
-    return np.asarray(end + inwards * beside)
+    return np.asarray(end + inwards * offset)
 
 
 def log_moves(

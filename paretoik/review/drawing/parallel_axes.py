@@ -10,13 +10,10 @@ import rerun.blueprint as rrb
 from jaxtyping import Int
 
 from paretoik.arrays import Objectives, Values
-from paretoik.review.drawing.curve_charts import TOTAL
 from paretoik.review.drawing.drawn_axes import TEXT, fitting_ticks, labels, text_width, tick_text
-from paretoik.review.drawing_options import DRAWING
+from paretoik.review.drawing_options import DRAWING, VIEWS
+from paretoik.review.even_rows import even_rows
 from paretoik.review.palette import SCREEN, Colour
-
-ENDS = 0.6 * TEXT.line  # from an axis's end to the middle of its words [pixels]
-BELOW = 1.3 * TEXT.line  # below axes [pixels]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -37,8 +34,8 @@ class ParallelAxes:
 
     def view(self) -> rrb.View:
         """Return the view."""
-        y_range = [-TEXT.top - self._above - self._stagger, self._height + BELOW]
-        bounds = rrb.VisualBounds2D(x_range=[-TEXT.left, TOTAL[0] - TEXT.left], y_range=y_range)
+        y_range = [-TEXT.top - self._above - self._stagger, self._height + self._below]
+        bounds = rrb.VisualBounds2D(x_range=[-TEXT.left, VIEWS.chart[0] - TEXT.left], y_range=y_range)
         return rrb.Spatial2DView(
             origin=self.entity, name="parallel coordinates", visual_bounds=bounds, background=SCREEN.background
         )
@@ -62,7 +59,7 @@ class ParallelAxes:
                     places.append((x + side * (10.0 + 0.5 * text_width(words[-1])), y))
             if not outer:
                 words += [f"{end:.4g}" for end in (high, low)]
-                places += [(x, -ENDS), (x, self._height + ENDS)]
+                places += [(x, -0.6 * TEXT.line), (x, self._height + 0.6 * TEXT.line)]
             words.append(self.labels[axis])
             last = self._x[-1] + 0.8 * TEXT.left - 0.5 * text_width(words[-1])
             middle = min(max(x, 0.5 * text_width(words[-1]) - 0.85 * TEXT.left), last) if len(self._x) > 1 else x
@@ -84,11 +81,16 @@ class ParallelAxes:
 
     @property
     def _x(self) -> Values:
-        return np.linspace(0.0, TOTAL[0] - TEXT.left - 56.0, len(self.labels))
+        return np.linspace(0.0, VIEWS.chart[0] - TEXT.left - 56.0, len(self.labels))
 
     @property
     def _height(self) -> float:
-        return TOTAL[1] - TEXT.top - self._above - self._stagger - BELOW
+        return VIEWS.chart[1] - TEXT.top - self._above - self._stagger - self._below
+
+    @property
+    def _below(self) -> float:
+        """The height of the words at the lower ends of inner axes."""
+        return 1.3 * TEXT.line
 
     @property
     def _above(self) -> float:
@@ -98,11 +100,10 @@ class ParallelAxes:
     @property
     def _stagger(self) -> float:
         """How far every second label is moved up, where neighbours would overlap."""
-        room = TOTAL[0] / len(self.labels)
+        room = VIEWS.chart[0] / len(self.labels)
         return TEXT.line if TEXT.character * max(map(len, self.labels)) > room - 10.0 else 0.0
 
 
 def drawn_rows(count: int) -> Int[np.ndarray, " rows"]:
     """Return the rows of so many points that have a line."""
-    rows = np.linspace(0, max(count - 1, 0), min(DRAWING.parallel_lines, count))
-    return np.unique(rows.round().astype(int))
+    return even_rows(count, DRAWING.parallel_lines)

@@ -13,18 +13,20 @@ from jaxtyping import Float
 
 from paretoik.arrays import Values
 from paretoik.review.drawing.drawn_axes import TEXT, Canvas, labels, window
-from paretoik.review.drawing_options import DRAWING
+from paretoik.review.drawing.label_places import label_points, placed_label
+from paretoik.review.drawing_options import DRAWING, MARKS
 from paretoik.review.palette import SCREEN, Colour, screen_label
 from paretoik.review.recording.planned import PlannedLevel, PlannedOptimum, PlannedScene
 
 ENTITY = "objective"
+BEST = "best"  # name of the best point
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlanPanel:
     """A band a level with its starts beside each other in the order of the search, and one of the final ``optima``.
 
-    Across, a band is one wide. What is too far off is drawn at the edge.
+    Across, a band is one wide. What is too far off is drawn as dashes at the edge.
     """
 
     scene: PlannedScene
@@ -55,8 +57,8 @@ class PlanPanel:
         across = self.across[:count]
         starts, ends = self.starts[:count], self.ends[:count]
         failed, first = ~np.isfinite(ends), self._first(count)
-        self._log_points(recording, "starts", across[~failed], starts[~failed], SCREEN.population, 2.2, 1.0)
-        self._log_points(recording, "failed", across[failed], starts[failed], SCREEN.failed, 2.2, 1.0)
+        self._log_starts(recording, "starts", across[~failed], starts[~failed], SCREEN.population)
+        self._log_starts(recording, "failed", across[failed], starts[failed], SCREEN.failed)
         self._log_points(recording, "ends", across[~failed], ends[~failed], SCREEN.front, 3.2, 2.0)
         places = self._places if ended else np.zeros(0)
         self._log_points(recording, "optima", places, self._final[: len(places)], SCREEN.front, 4.5, 3.0)
@@ -66,8 +68,12 @@ class PlanPanel:
         elif np.isfinite(ends[first:]).any():
             row = first + self._best(ends[first:])
             where, best = across[row, None], ends[row, None]
-        self._log_points(recording, "best", where, best, SCREEN.chosen, 6.5, 4.0, ["best"])
-        self._log_points(recording, "looked_at", np.zeros(0), np.zeros(0), SCREEN.arm, 6.5, 4.5)
+        self._log_points(recording, "best", where, best, SCREEN.chosen, 6.5, 4.0, [BEST])
+        if len(where):
+            self._log_name(recording, "best", float(where[0]), float(best[0]), BEST, SCREEN.chosen)
+        else:
+            recording.log(f"{ENTITY}/best/name", rr.Points2D([]))
+        self._log_none_looked_at(recording)
 
     def log_start(self, recording: rr.RecordingStream, number: int) -> None:
         """Mark a start by its number, from 1, and what it led to."""
@@ -79,11 +85,17 @@ class PlanPanel:
     def log_optimum(self, recording: rr.RecordingStream, place: int) -> None:
         """Mark a final optimum that is looked at by its place; the best, which is marked anyway, stays the best."""
         if place == 0:
-            self._log_points(recording, "looked_at", np.zeros(0), np.zeros(0), SCREEN.arm, 6.5, 4.5)
+            self._log_none_looked_at(recording)
             return
         where = self._places[min(place, DRAWING.optima - 1), None]
         value = np.array([self.optima[place].point.objectives[0]])
-        self._log_points(recording, "looked_at", where, value, SCREEN.arm, 6.5, 4.5, [f"optimum {place}"])
+        words = f"optimum {place}"
+        self._log_points(recording, "looked_at", where, value, SCREEN.arm, 6.5, 4.5, [words])
+        self._log_name(recording, "looked_at", float(where[0]), float(value[0]), words, SCREEN.arm)
+
+    def _log_none_looked_at(self, recording: rr.RecordingStream) -> None:
+        self._log_points(recording, "looked_at", np.zeros(0), np.zeros(0), SCREEN.arm, 6.5, 4.5)
+        recording.log(f"{ENTITY}/looked_at/name", rr.Points2D([]))
 
     @cached_property
     def starts(self) -> Values:
@@ -119,7 +131,10 @@ class PlanPanel:
         low, high = float(seen.min()), float(seen.max())
         reach = 1.5 * max(high - low, 0.02 * max(abs(low), abs(high)), 1e-12)
         near = np.concatenate([seen, self.starts, reached])
-        near = near[np.isfinite(near) & (near >= low - reach) & (near <= high + reach)]
+        sign = -1.0 if self.scene.maximised else 1.0
+        best, worst = sorted((sign * low, sign * high))
+        is_near = (sign * near >= best - DRAWING.better * reach) & (sign * near <= worst + reach)
+        near = near[np.isfinite(near) & is_near]
         corners = np.stack([np.resize([0.0, self._end], len(near) + 2), np.append(near, [low, high])], axis=1)
         low_corner, high_corner = window(corners, margin=0.06)
         low_corner[0], high_corner[0] = 0.0, self._end
@@ -154,6 +169,25 @@ class PlanPanel:
     def _is_near(self, value: float) -> bool:
         return bool(self.canvas.low[1] <= value <= self.canvas.high[1])
 
+    def _log_starts(
+        self,
+        recording: rr.RecordingStream,
+        layer: str,
+        across: Float[np.ndarray, " points"],
+        values: Values,
+        colour: Colour,
+    ) -> None:
+        """Draw starts: those that the axes show as dots, the others as dashes that point to where they lie."""
+        near = (values >= self.canvas.low[1]) & (values <= self.canvas.high[1])
+        self._log_points(recording, layer, across[near], values[near], colour, MARKS.start, 1.0)
+        strips = list[np.ndarray]()
+        for x, value in zip(across[~near & np.isfinite(values)], values[~near & np.isfinite(values)], strict=True):
+            edge, inwards = (self.canvas.high[1], 1.0) if value > self.canvas.high[1] else (self.canvas.low[1], -1.0)
+            tip = self.canvas.place(np.array([x, edge]))
+            strips.append(tip + np.array([(0.0, 0.0), (0.0, inwards * MARKS.edge_dash)]))
+        lines = rr.LineStrips2D(strips, colors=colour, radii=rr.Radius.ui_points(0.8), draw_order=1.0)
+        recording.log(f"{ENTITY}/{layer}/beyond", lines)
+
     def _log_points(
         self,
         recording: rr.RecordingStream,
@@ -172,10 +206,25 @@ class PlanPanel:
             colors=colour,
             radii=rr.Radius.ui_points(radius),
             labels=names if names and seen.any() else None,
-            show_labels=bool(names),
+            show_labels=False,
             draw_order=order,
         )
         recording.log(f"{ENTITY}/{layer}", drawn)
+
+    def _log_name(
+        self, recording: rr.RecordingStream, layer: str, across: float, value: float, words: str, colour: Colour
+    ) -> None:
+        """Name a point, off what starts led to, optima, and the best one's name where this is another one."""
+        canvas = self.canvas
+        low, high = canvas.low[1], canvas.high[1]
+        x, values = np.append(self.across, self._places), np.append(self.ends, self._final)
+        seen = np.isfinite(values)
+        others = canvas.place(np.stack([x[seen], np.clip(values[seen], low, high)], axis=1))
+        mark = canvas.place(np.array([across, np.clip(value, low, high)]))
+        if layer == "looked_at":
+            best = canvas.place(np.array([self._places[0], np.clip(self._final[0], low, high)]))
+            others = np.concatenate([others, label_points(canvas, best, BEST, others)])
+        recording.log(f"{ENTITY}/{layer}/name", placed_label(canvas, mark, words, others, colour))
 
     def _log_bands(self, recording: rr.RecordingStream) -> None:
         """Draw the borders between bands, and below each what it holds."""

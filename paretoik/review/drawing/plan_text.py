@@ -23,7 +23,7 @@ def level_text(panel: PlanPanel, level: PlannedLevel) -> str:
         + (f"; {failed} of the starts led to none." if failed else "."),
     ]
     if beyond := panel.beyond(level):
-        lines.append(f"{counted(beyond, 'start')} too far off for the picture: drawn at its edge.")
+        lines.append(f"{counted(beyond, 'start')} too far off for the picture: dashes at its edge.")
     if len(panel.levels) > 1:
         lines.append("Values of different levels are not comparable: a motion of other samples has another value.")
     lines += ["", "## Optima of the level", ""]

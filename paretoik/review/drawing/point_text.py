@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -33,15 +34,39 @@ ENDINGS = {  # what a run that came to its end says of that; others say why they
 }
 
 
-def choice_text(front: Front, choice: Choice, *, title: str = "chosen") -> str:
-    """Return what is to be known of a choice: its reason, objectives, certificate, exchange rates, and the run."""
-    return _point_text(front, choice.index, title, choice.reason)
+def choice_text(front: Front, choice: Choice, *, title: str = "chosen", whole: bool = True) -> str:
+    """Return what is to be known of a choice: its reason, objectives, certificate, exchange rates, and the run.
+
+    Of a reason that is not told ``whole`` only the first sentence.
+    """
+    sentences = _sentences(choice.reason)
+    short = (
+        f"{sentences[0]} The tab \u201cwhy\u201d has the comparisons with other points."
+        if sentences[1:]
+        else choice.reason
+    )
+    return _point_text(front, choice.index, title, choice.reason if whole else short)
+
+
+def reason_text(choice: Choice) -> str:
+    """Return the reason of a choice, a line a sentence."""
+    lines = [f"- {sentence}" for sentence in _sentences(choice.reason)]
+    return screen_text("\n".join([f"# Why point {choice.id}", "", *lines]))
+
+
+def _sentences(words: str) -> list[str]:
+    """Return the sentences of a text.
+
+    >>> _sentences("It has 0.5 J s. Beside it, point 3 has 2.")
+    ['It has 0.5 J s.', 'Beside it, point 3 has 2.']
+    """
+    return re.split(r"(?<=[.;]) (?=[A-Z])", words)
 
 
 def point_text(front: Front, row: int, *, chosen: Choice | None) -> str:
     """Return what is to be known of any point of a front."""
     if chosen is not None and chosen.index == row:
-        return choice_text(front, chosen)
+        return choice_text(front, chosen, whole=False)
     return _point_text(front, row, f"number {row + 1} of {len(front)} along the front", "")
 
 
@@ -59,14 +84,28 @@ def _point_text(front: Front, row: int, title: str, reason: str) -> str:
     return screen_text("\n\n".join(part for part in parts if part))
 
 
-def text_of(scene: SearchScene, generation: Generation, moved: int | None = None) -> str:
+def text_of(scene: SearchScene, generation: Generation, moved: int | None = None, *, outside: int = 0) -> str:
     """Return what is to be known of a generation and its compromise, or of a step of a closed loop.
 
-    ``moved`` is the generation whose motions are shown with it.
+    ``moved`` is the generation whose motions are shown with it, ``outside`` how many individuals lie outside the axes.
     """
     if scene.timeline == "step":
         return screen_text(_step_text(scene, generation))
-    return screen_text(_generation_text(scene, generation, moved))
+    return screen_text(
+        "\n".join(
+            [
+                _generation_text(scene, generation, moved),
+                *outside_text(outside, len(generation.population), "the final front"),
+            ]
+        )
+    )
+
+
+def outside_text(outside: int, count: int, what: str) -> list[str]:
+    """Return how many of ``count`` individuals lie outside the axes, which show ``what``, where there are some."""
+    verb = "lies" if outside == 1 else "lie"
+    words = f"{outside} of {counted(count, 'individual')} {verb} outside the axes, which show what is near {what}."
+    return ["", words] if outside else []
 
 
 def _generation_text(scene: SearchScene, generation: Generation, moved: int | None) -> str:
@@ -78,6 +117,7 @@ def _generation_text(scene: SearchScene, generation: Generation, moved: int | No
     lines = [f"# {_heading(scene, generation)}", summary]
     if not size:
         lines += ["", _why_empty(generation)]
+    lines += _bounds(scene, generation)
     chosen = next((point for point in generation.points if point.axis is None), None)
     if len(generation.front):
         best = scene.best(generation.front)
@@ -98,6 +138,43 @@ def beginning_text(first: int) -> str:
     return (
         f"# Step 0\n\nThe arm stands where it begins: nothing was searched for, so there is no front. "
         f"The first is that of step {first}."
+    )
+
+
+def search_hint(searched: Sequence[int]) -> str:
+    """Return where the timelines of searched steps are to be seen."""
+    tabs = " and ".join(f"\u201csearch of step {step}\u201d" for step in searched)
+    return f"**This timeline moves {tabs}: open that tab above the legend.**"
+
+
+def loop_guide(searched: Sequence[int], opening: int | None) -> str:
+    """Return where the search of each of some steps is to be seen, and from which step on the loop is played."""
+    lines = [
+        f"- The search of step {step} has a tab, \u201csearch of step {step}\u201d, above the legend; the timelines "
+        "generation and individual move it and leave all else as it is."
+        for step in searched
+    ]
+    if opening:
+        lines.append(
+            f"- The steps from {opening} on, blue on the slider, are played again and again; those before are left of "
+            "them. The loop button plays all."
+        )
+    return "## How to look at it\n\n" + "\n".join(lines) if lines else ""
+
+
+def _bounds(scene: SearchScene, generation: Generation) -> list[str]:
+    """Return what a level of a sweep bounds."""
+    if generation.epsilon is None:
+        return []
+    bounds = [
+        f"{scene.names[axis]} {'≥' if scene.maximised[axis] else '≤'} {_value(bound, scene.units[axis])}"
+        for axis, bound in enumerate(generation.epsilon)
+        if np.isfinite(bound)
+    ]
+    return (
+        ["", f"The other objective was improved as far as these bounds ε allow: {', '.join(bounds)}.", ""]
+        if bounds
+        else []
     )
 
 
@@ -130,7 +207,7 @@ def _step_text(scene: SearchScene, generation: Generation) -> str:
         low, high = generation.front.min(axis=0), generation.front.max(axis=0)
         lines += [
             f"- **{name}**: chosen {generation.chosen[axis]:.6g} {scene.units[axis]}, the front from "
-            f"{low[axis]:.6g} to {high[axis]:.6g} {scene.units[axis]}"
+            f"{range_text(low[axis], high[axis], scene.units[axis])}"
             for axis, name in enumerate(scene.names)
         ]
     return "\n".join(lines)
@@ -180,7 +257,9 @@ def run_text(provenance: Mapping[str, Any]) -> str:
     """Return what is to be known of a run: its problem, settings, and how long it took; "" for nothing."""
     settings = dict(provenance.get("settings") or {})
     shown = [
-        f"- {name.replace('_', ' ')}: {_said(settings[name])}" for name in SETTINGS if settings.get(name) is not None
+        f"- {name.replace('_', ' ')}: {_setting_text(settings[name])}"
+        for name in SETTINGS
+        if settings.get(name) is not None
     ]
     counts, status = provenance.get("counts") or {}, provenance.get("status")
     took = [counted(counts[name], *words) for name, words in COUNTS.items() if isinstance(counts.get(name), int)]
@@ -192,12 +271,23 @@ def run_text(provenance: Mapping[str, Any]) -> str:
     return "## Run\n\n" + "\n".join(lines) if lines else ""
 
 
+def range_text(low: float, high: float, unit: str) -> str:
+    """Return a range in words; of one whose ends have the same digits how wide it is.
+
+    >>> range_text(1.0, 2.0, "m"), range_text(1.0, 1.0 + 1e-9, "m")
+    ('1 to 2 m', '1 m, 1e-09 m wide')
+    """
+    if f"{low:.6g}" != f"{high:.6g}":
+        return f"{low:.6g} to {high:.6g} {unit}".rstrip()
+    return f"{low:.6g} {unit}".rstrip() + f", {high - low:.3g} {unit}".rstrip() + " wide"
+
+
 def counted(number: int, one: str, many: str = "") -> str:
     """Return a number of things in words."""
     return f"{number} {one if number == 1 else many or one + 's'}"
 
 
-def _said(setting: object) -> str:
+def _setting_text(setting: object) -> str:
     return {True: "yes", False: "no"}[setting] if isinstance(setting, bool) else str(setting)
 
 

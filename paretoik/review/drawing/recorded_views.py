@@ -13,13 +13,13 @@ import rerun.blueprint as rrb
 
 from paretoik.errors import InvalidInput
 from paretoik.formulations.protocol import Timeline
-from paretoik.review.drawing.curve_charts import TOTAL
 from paretoik.review.drawing.drawn_axes import TEXT
 from paretoik.review.drawing.legend import Legend
 from paretoik.review.drawing.legend_entries import search_entries
 from paretoik.review.drawing.motion_scene import MotionScene
 from paretoik.review.drawing.recording_layout import Layout, text_view
 from paretoik.review.drawing.search_scene import SearchScene
+from paretoik.review.drawing_options import VIEWS
 from paretoik.review.palette import SCREEN
 
 OF_RERUN = ("log_time", "log_tick")  # timelines that it adds itself
@@ -89,7 +89,9 @@ def _chart_views(root: str, entities: Collection[str]) -> list[rrb.View]:
     parts = [path.split("/")[1:] for path in sorted(entities)]
     below = {tuple(each[:2]) for each in parts if each[0] == root and each[-1] == "grid" and len(each) == 3}
     itself = {(root,) for each in parts if each[0] == root and not below}
-    bounds = rrb.VisualBounds2D(x_range=[-TEXT.left, TOTAL[0] - TEXT.left], y_range=[-TEXT.top, TOTAL[1] - TEXT.top])
+    bounds = rrb.VisualBounds2D(
+        x_range=[-TEXT.left, VIEWS.chart[0] - TEXT.left], y_range=[-TEXT.top, VIEWS.chart[1] - TEXT.top]
+    )
     return [
         rrb.Spatial2DView(
             origin="/".join(entity),

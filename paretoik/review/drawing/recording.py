@@ -9,6 +9,7 @@ import rerun as rr
 from paretoik.review.drawing.drawn_axes import Canvas
 from paretoik.review.drawing.finished_loop import FinishedLoop
 from paretoik.review.drawing.finished_search import FinishedSearch
+from paretoik.review.drawing.front_views import RecordedSearch
 from paretoik.review.drawing.legend import Legend
 from paretoik.review.drawing.legend_entries import search_entries
 from paretoik.review.drawing.motion_scene import MotionScene
@@ -77,7 +78,8 @@ class Recording:
         end = SearchEnd(front=None) if end is None else end
         note = " ".join(filter(None, (note, reduction_note(generations))))
         kind = FinishedLoop if self._scene.timeline == "step" else FinishedSearch
-        kind(scene=self._scene, recorded=self._recorded, generations=generations, end=end, note=note).log(self._stream)
+        search = RecordedSearch(scene=self._scene, recorded=self._recorded, generations=generations, end=end, note=note)
+        kind(search=search).log(self._stream)
 
     def _begin_motions(self, generation: Generation) -> bool:
         """Draw the workcell once there are motions; say whether that was now."""

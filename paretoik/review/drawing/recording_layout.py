@@ -7,16 +7,12 @@ from dataclasses import dataclass, field
 
 import rerun.blueprint as rrb
 
-from paretoik.review.drawing.curve_charts import TOTAL
-from paretoik.review.drawing.front_panels import VIEW
 from paretoik.review.drawing.legend import Legend
 from paretoik.review.drawing.view_tabs import fitting_tabs
-from paretoik.review.drawing_options import DRAWING
+from paretoik.review.drawing_options import DRAWING, VIEWS
 
 TEXT = "text"  # entity of what is said of the point shown
-TITLE = 24.0  # height of a view's title [pixels]
-BODY = 830.0  # height of everything below the viewer's own bars [pixels]
-WIDTHS = (600.0, 600.0, 400.0)
+WHY = "notes/why"  # entity of the reason of the choice
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,11 +54,11 @@ class Layout:
         front, charts = self.front, list(self.charts)
         if front is None and charts:
             front, charts = charts[0], charts[1:]
-        columns = [(_column(front, charts), WIDTHS[0]), (_column(self.arm, self.joints), WIDTHS[1])]
-        columns.append((rrb.Tabs(*self.texts) if self.texts else None, WIDTHS[2]))
+        columns = [(_column(front, charts), VIEWS.columns[0]), (_column(self.arm, self.joints), VIEWS.columns[1])]
+        columns.append((fitting_tabs(self.texts, VIEWS.columns[2]) if self.texts else None, VIEWS.columns[2]))
         present = [(column, width) for column, width in columns if column is not None]
         views = rrb.Horizontal(*(column for column, _ in present), column_shares=[width for _, width in present])
-        shares = [self.legend.height, BODY - self.legend.height]
+        shares = [self.legend.height, VIEWS.body - self.legend.height]
         return rrb.Vertical(self.legend.view(), views, row_shares=shares, name=self.name)
 
     def _time_panel(self) -> rrb.TimePanel:
@@ -90,6 +86,7 @@ def choice_blueprint(
     name: str,
     recorded: rrb.Container | None,
     narrow: bool = False,
+    timeline: str = "motion",
 ) -> rrb.Blueprint:
     """Return the layout of a choice, or of two beside each other, on a common time; ``recorded`` may be a second tab.
 
@@ -98,18 +95,18 @@ def choice_blueprint(
     if len(texts) == 1 and not narrow:
         arm, joints = arms[0] if arms else (None, ())
         body = Layout(
-            legend=legend, front=front, charts=below, arm=arm, joints=joints, texts=texts, timeline="motion", name=name
+            legend=legend, front=front, charts=below, arm=arm, joints=joints, texts=texts, timeline=timeline, name=name
         ).body()
     else:
         left = _column(front, [*texts, *below])
         columns = [each for each in (left, *(_column(arm, joints) for arm, joints in arms)) if each is not None]
-        shares = [legend.height, BODY - legend.height]
+        shares = [legend.height, VIEWS.body - legend.height]
         body = rrb.Vertical(legend.view(), rrb.Horizontal(*columns), row_shares=shares, name=name)
     return rrb.Blueprint(
         body if recorded is None else rrb.Tabs(body, recorded),
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),
-        rrb.TimePanel(timeline="motion", state="collapsed", fps=DRAWING.frames),
+        rrb.TimePanel(timeline=timeline, state="collapsed", fps=DRAWING.frames),
         auto_views=False,
     )
 
@@ -121,10 +118,10 @@ def text_view(name: str) -> rrb.View:
 
 def note_view() -> rrb.View:
     """Return the view of what was left out."""
-    return rrb.TextDocumentView(origin="notes/left_out", name="what was left out")
+    return rrb.TextDocumentView(origin="notes/left_out", name="left out")
 
 
 def _column(above: rrb.View | None, below: Sequence[rrb.View]) -> rrb.Container | None:
-    views = ([above] if above is not None else []) + ([fitting_tabs(below, VIEW[0])] if below else [])
-    shares = [VIEW[1] + TITLE, TOTAL[1] + TITLE][: len(views)]
+    views = ([above] if above is not None else []) + ([fitting_tabs(below, VIEWS.panels[0])] if below else [])
+    shares = [VIEWS.panels[1] + VIEWS.title, VIEWS.chart[1] + VIEWS.title][: len(views)]
     return rrb.Vertical(*views, row_shares=shares) if views else None

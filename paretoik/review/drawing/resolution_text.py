@@ -81,9 +81,10 @@ def _method(scene: ResolvedScene, traces: RecordedTraces, end: ResolutionEnd) ->
     for name, value in method.items():
         if name == "name" or value in (None, []):
             continue
-        own = np.ravel(value) if isinstance(value, list) and _is_numeric(value) else np.zeros(0)
-        said = float(own[traces.point.id]) if end.count > 1 and len(own) == end.count else value
-        numbers.append(f"- {name.replace('_', ' ')}: {_value(said)} {units.get(name, '')}".rstrip())
+        by_motion = np.ravel(value) if isinstance(value, list) and _is_numeric(value) else np.zeros(0)
+        if end.count > 1 and len(by_motion) == end.count:
+            value = float(by_motion[traces.point.id])
+        numbers.append(f"- {name.replace('_', ' ')}: {_value(value)} {units.get(name, '')}".rstrip())
     return ["", "## Method", "", *numbers] if numbers else []
 
 

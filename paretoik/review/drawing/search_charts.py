@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import rerun as rr
@@ -12,6 +13,7 @@ from paretoik.arrays import Series, Times
 from paretoik.review.drawing.curve_charts import Chart
 from paretoik.review.drawing.screen_text import screen_text
 from paretoik.review.drawing.search_scene import SearchScene
+from paretoik.review.drawing_options import MARKS, VIEWS
 from paretoik.review.palette import SCREEN, Colour
 from paretoik.review.recording.recorder import Generation
 
@@ -113,6 +115,11 @@ def _step_chart(scene: SearchScene, axis: int, numbers: Times, steps: Sequence[G
     chosen = np.array([np.nan if each.chosen is None else each.chosen[axis] for each in steps])
     curves = np.stack([ranges[:, 0], ranges[:, 1], chosen])
     names, colours = ["best", "worst", "chosen"], [*BEST_WORST, SCREEN.chosen]
+    apart, whole = np.nanmax(np.ptp(ranges, axis=1), initial=0.0), np.nanmax(curves) - np.nanmin(curves)
+    if apart < MARKS.line * whole / VIEWS.chart[1]:  # they would lie under each other
+        words = f"chosen {scene.label(axis)}; best and worst of a step at most {apart:.2g} apart"
+        chart, *_ = _chart(scene, f"chosen_{axis}", words, numbers, curves[2:], names[2:], colours[2:])
+        return replace(chart, title=scene.label(axis)), numbers, curves[2:]
     return _chart(scene, f"chosen_{axis}", scene.label(axis), numbers, curves, names, colours)
 
 
@@ -128,7 +135,7 @@ def _chart(
     chart = Chart(
         entity=f"charts/{name}",
         title=label,
-        labels=(scene.timeline, label),
+        labels=({"refinement": "refinement: 0 before, 1 after"}.get(scene.timeline, scene.timeline), label),
         shown=np.stack([np.tile(numbers, len(curves)), curves.ravel()], axis=1),
         names=names,
         colours=colours,

@@ -10,14 +10,13 @@ from typing import Any, Literal
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
-from jaxtyping import Float
 
 from paretoik.arrays import Ids, Objectives, Values
 from paretoik.formulations.protocol import Timeline
 from paretoik.review.drawing.drawn_axes import Canvas
-from paretoik.review.drawing.front_panels import Pair, Panels
-from paretoik.review.drawing.label_places import log_name
-from paretoik.review.drawing.panel_marks import best_words, log_ends, log_epsilon, log_moves
+from paretoik.review.drawing.front_panels import Pair, Panels, normalised
+from paretoik.review.drawing.label_places import Labelled, log_name, named_area
+from paretoik.review.drawing.panel_marks import best_words, bound_points, log_ends, log_epsilon, log_moves
 from paretoik.review.drawing.parallel_axes import ParallelAxes
 from paretoik.review.drawing.screen_text import entity_names, screen_text
 from paretoik.review.drawing_options import DRAWING
@@ -80,7 +79,7 @@ class SearchScene:
         left_out = [
             f"- {'/'.join(map(_escape, [*self._panel(pair), name]))}" for pair in self.panels.pairs for name in without
         ]
-        name = "front" if self.timeline != "step" else "front of each step"
+        name = "front" if self.timeline != "step" else "front, as shares of its ranges"
         return self.panels.view(rr.new_entity_path([*self.root, "front"]), ["+ $origin/**", *left_out], name)
 
     def parallel_axes(self, shown: Objectives) -> ParallelAxes | None:
@@ -116,8 +115,13 @@ class SearchScene:
         if generation.chosen is not None:
             self.log_points(recording, "chosen", generation.chosen[None], canvases, reference=reference)
         of = f" of level {generation.number}" if self.timeline == "level" else ""  # the final front numbers anew
-        everything = np.concatenate([generation.front, generation.population])
-        self.log_marked(recording, generation.points, canvases, of=of, beside=everything)
+        bounds = [
+            bound_points(pair, canvas, generation.epsilon)
+            for pair, canvas in self._panels(canvases)[:1]
+            if generation.epsilon is not None
+        ]
+        everything = np.concatenate([generation.front, generation.population, *bounds])
+        self.log_marked(recording, generation.points, canvases, of=of, avoided=everything)
         if parallel is not None:
             marked = [point.objectives for point in generation.points if point.axis is None]
             chosen = marked[0] if marked else generation.chosen
@@ -148,29 +152,30 @@ class SearchScene:
         of: str = "",
         reference: Population | None = None,
         static: bool = False,
-        beside: Population | None = None,
+        avoided: Population | None = None,
         words: Sequence[str] | None = None,
+        labelled: Labelled | None = None,
     ) -> None:
         """Draw points as a layer of every panel, normalised by the ranges of a ``reference`` front if there is one.
 
         Points outside a window are not drawn, but their numbers are kept with the others. Where points are ``named``,
         ``of`` says whose ids they have. What is chosen or looked at has its label, ``words`` or its name, where it
-        covers fewest of the points ``beside`` it.
+        covers fewest of the points that are ``avoided``, and not the label of the point that is ``labelled``.
         """
-        colour, radius, order = LAYERS[layer]
-        drawn = F if reference is None else _normalise(F, reference)
+        colour, _, order = LAYERS[layer]
+        drawn = F if reference is None else normalised(F, reference)
         names = [f"point {number}{of}" for number in ids] if named and ids is not None else None
         for pair, canvas in self._panels(canvases):
             pairwise = drawn[:, list(pair)]
             seen = canvas.shows(pairwise)
-            own = None if names is None else [names[row] for row in np.flatnonzero(seen)]
-            at, size = canvas.place(pairwise[seen]), rr.Radius.ui_points(radius)
-            points = rr.Points2D(at, colors=colour, radii=size, labels=own, show_labels=False, draw_order=order)
+            hovered = None if names is None else [names[row] for row in np.flatnonzero(seen)]
+            points = _points(layer, canvas.place(pairwise[seen]), hovered)
             recording.log([*self._panel(pair), layer], points, static=static)
             if order > 3.0 and pair == self.panels.pairs[0]:
                 shown = names if words is None else words
-                others = pairwise if beside is None else np.concatenate([pairwise, beside[:, list(pair)]])
-                log_name(recording, [*self._panel(pair), layer, "name"], canvas, shown, others, colour, static=static)
+                taken = None if labelled is None else named_area(canvas, labelled, list(pair), avoided)
+                others = pairwise if avoided is None else np.concatenate([pairwise, avoided[:, list(pair)]])
+                log_name(recording, [*self._panel(pair), layer, "name"], canvas, shown, others, colour, static, taken)
         if layer != "final":
             numbers: dict[str, Any] = {} if ids is None else {"ids": ids}
             values = rr.AnyValues(F=F.ravel(), n_obj=F.shape[1], **numbers)
@@ -183,26 +188,25 @@ class SearchScene:
         canvases: Sequence[Canvas],
         *,
         of: str = "",
-        beside: Population | None = None,
+        avoided: Population | None = None,
     ) -> None:
-        """Draw the best points of the objectives in their colours, and the chosen one, their labels off ``beside``.
+        """Draw the best points of the objectives in their colours, and the chosen one.
 
-        ``of`` says whose ids they have.
+        Their labels are off what is to be ``avoided``. ``of`` says whose ids they have.
         """
         ends = any(point.axis is not None for point in points)
         for pair, canvas in self._panels(canvases) if ends else ():
             columns = list(pair)
             places = np.array([point.objectives[columns] for point in points])
-            others = places[:0] if beside is None else beside[:, columns]
+            others = places[:0] if avoided is None else avoided[:, columns]
             named = others if pair == self.panels.pairs[0] else None
             log_ends(recording, self._panel(pair), canvas, places, points, self.names, named, of=of)
         for row, point in enumerate(points):
             if point.axis is None:
-                best = best_words(points, row, self.names)
-                words = [f"point {point.id}{of}" + (f"\n{best}" if best else "")]
+                words = [self._chosen_words(points, row, of)]
                 ids, F = np.array([point.id]), point.objectives[None]
                 self.log_points(
-                    recording, "chosen", F, canvases, ids=ids, named=True, beside=beside, of=of, words=words
+                    recording, "chosen", F, canvases, ids=ids, named=True, avoided=avoided, of=of, words=words
                 )
 
     def log_looked_at(
@@ -212,15 +216,29 @@ class SearchScene:
         canvases: Sequence[Canvas],
         parallel: ParallelAxes | None,
         *,
-        beside: Population | None = None,
-        named: bool = True,
+        avoided: Population | None = None,
+        marked: Sequence[RecordedPoint] = (),
     ) -> None:
         """Mark a point that is looked at, beside the chosen one and the best of the objectives.
 
-        Its label is off ``beside``; it has none where it is not ``named``, as the chosen one, which has its own.
+        Its label is off what is to be ``avoided`` and off that of the chosen one among those that are ``marked``; where
+        it is the chosen one it has that.
         """
-        F, ids, words = point.objectives[None], np.array([point.id]), None if named else ()
-        self.log_points(recording, "looked_at", F, canvases, ids=ids, named=True, beside=beside, words=words)
+        F, ids = point.objectives[None], np.array([point.id])
+        chosen = [row for row, each in enumerate(marked) if each.axis is None]
+        words = () if any(marked[row].id == point.id for row in chosen) else None
+        labelled = next(((marked[row].objectives, self._chosen_words(marked, row, "")) for row in chosen), None)
+        self.log_points(
+            recording,
+            "looked_at",
+            F,
+            canvases,
+            ids=ids,
+            named=True,
+            avoided=avoided,
+            words=words,
+            labelled=labelled,
+        )
         if parallel is not None:
             recording.log(f"{parallel.entity}/looked_at", parallel.lines(F, SCREEN.arm, 2.2, 5.0))
 
@@ -234,11 +252,15 @@ class SearchScene:
         reference: Population | None = None,
     ) -> None:
         """Draw a front, and on top its chosen point, in parallel coordinates."""
-        drawn = front if reference is None else _normalise(front, reference)
+        drawn = front if reference is None else normalised(front, reference)
         recording.log(f"{parallel.entity}/front", parallel.lines(drawn, SCREEN.lines, 0.6, 1.0))
         if chosen is not None:
-            row = chosen[None] if reference is None else _normalise(chosen[None], reference)
+            row = chosen[None] if reference is None else normalised(chosen[None], reference)
             recording.log(f"{parallel.entity}/chosen", parallel.lines(row, SCREEN.chosen, 2.2, 4.0))
+
+    def _chosen_words(self, points: Sequence[RecordedPoint], row: int, of: str) -> str:
+        best = best_words(points, row, self.names)
+        return f"point {points[row].id}{of}" + (f"\n{best}" if best else "")
 
     def label(self, axis: int) -> str:
         """Return the label of an objective."""
@@ -265,23 +287,12 @@ class SearchScene:
         return f"{self.names[axis]}, share of its range" if self.timeline == "step" else self.label(axis)
 
 
+def _points(layer: Layer, places: np.ndarray, hovered: Sequence[str] | None) -> rr.Points2D:
+    """Return the points of a layer at places (points, 2) [pixels], with what is said of them under the mouse."""
+    colour, radius, order = LAYERS[layer]
+    radii = rr.Radius.ui_points(radius)
+    return rr.Points2D(places, colors=colour, radii=radii, labels=hovered, show_labels=False, draw_order=order)
+
+
 def _escape(part: str) -> str:
     return rr.escape_entity_path_part(part)
-
-
-def _normalise(F: Objectives, reference: Population) -> Objectives:
-    """Return points as shares of the ranges of a front; in the middle where it has but one value, as all are best."""
-    low, width = reference.min(axis=0), np.ptp(reference, axis=0)
-    normalised: Objectives = np.where(width > 0, (F - low) / np.where(width > 0, width, 1.0), 0.5)
-    return normalised
-
-
-def replay_window(fronts: Sequence[Float[np.ndarray, "_ n_obj"]]) -> Objectives:
-    """Return corners (2, n_obj) around the last of `fronts` and, as far as they are near, those before it.
-
-    An early front may lie far off; the window reaches at most one and a half of the final range beyond the final one.
-    """
-    everything, front = np.concatenate(fronts), fronts[-1]
-    low, high = front.min(axis=0), front.max(axis=0)
-    reach: Values = 1.5 * np.where(high > low, high - low, np.maximum(0.1 * np.abs(high), 1e-9))
-    return np.stack([np.maximum(everything.min(axis=0), low - reach), np.minimum(everything.max(axis=0), high + reach)])

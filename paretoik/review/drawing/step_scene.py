@@ -17,8 +17,12 @@ from jaxtyping import Float, Int
 
 from paretoik.review.drawing.arm_drawing import ArmDrawing
 from paretoik.review.drawing.drawn_axes import Canvas
+from paretoik.review.drawing.front_panels import normalised, outside_panels
 from paretoik.review.drawing.legend import Legend
-from paretoik.review.drawing.search_scene import SearchScene, replay_window
+from paretoik.review.drawing.point_text import counted, outside_text, range_text
+from paretoik.review.drawing.screen_text import screen_text
+from paretoik.review.drawing.search_scene import SearchScene
+from paretoik.review.drawing_options import VIEWS
 from paretoik.review.palette import SCREEN
 from paretoik.review.recording.recorder import SearchedStep
 from paretoik.review.recording.workcell import Workcell
@@ -44,8 +48,10 @@ class StepScene:
     def view(self) -> rrb.Container:
         """Return the views: the fronts, and beside them the arm, below a legend."""
         arm = self._drawing.view(f"arms of the front, step {self.step.sample}")
-        views = rrb.Horizontal(self._scene.view(), arm) if self._canvases else arm
-        shares = [self._legend.height, 800.0]
+        text = rrb.TextDocumentView(origin=f"{self._root}/text", name="generation, individual")
+        shown = [*([self._scene.view()] if self._canvases else []), arm, text]
+        views = rrb.Horizontal(*shown, column_shares=VIEWS.columns[-len(shown) :])
+        shares = [self._legend.height, VIEWS.body - self._legend.height]
         return rrb.Vertical(self._legend.view(), views, row_shares=shares, name=f"search of step {self.step.sample}")
 
     def log(self, recording: rr.RecordingStream, end: Mapping[str, float]) -> None:
@@ -72,15 +78,19 @@ class StepScene:
             if place == 0:
                 self._log_generation(recording, last)
             self._log_individual(recording, last, int(individual))
+            words = f"## Point {individual}, {place + 1} of {len(order)} by {self.loop.names[0]}\n\n"
+            self._log_text(recording, words + self._objectives(last, int(individual)))
         recording.reset_time()
 
     def _log_generation(self, recording: rr.RecordingStream, number: int) -> None:
         """Draw a generation at the current time: its population and front, and the arms of the front."""
         objectives, front = self.step.objectives[number], self.step.fronts[number]
         alive = np.isfinite(objectives).all(axis=1)
+        self._log_text(recording, self._generation_text(number))
         scene, canvases, drawing = self._scene, self._canvases, self._drawing
-        scene.log_points(recording, "population", objectives[alive], canvases)
-        scene.log_points(recording, "front", objectives[front], canvases, ids=front, named=True)
+        within = objectives[front] if len(front) else None
+        scene.log_points(recording, "population", objectives[alive], canvases, reference=within)
+        scene.log_points(recording, "front", objectives[front], canvases, ids=front, named=True, reference=within)
         named = {"labels": [f"point {individual}" for individual in front], "show_labels": False}
         ghosts = drawing.strips(list(self._links(number, front)), SCREEN.ghost, 1.0, 0.0, **named)
         recording.log(f"{drawing.entity}/front", ghosts)
@@ -93,9 +103,47 @@ class StepScene:
         row = np.array([individual])
         objectives = self.step.objectives[number, row]
         front = self.step.objectives[number, self.step.fronts[number]]
-        self._scene.log_points(recording, "chosen", objectives, self._canvases, ids=row, named=True, beside=front)
+        self._scene.log_points(
+            recording,
+            "chosen",
+            objectives,
+            self._canvases,
+            ids=row,
+            named=True,
+            avoided=normalised(front, front),
+            reference=front,
+        )
         links = self._links(number, row)[0]
         self._drawing.log_arm(recording, "chosen", links, colour=SCREEN.arm, solid=True)
+
+    def _generation_text(self, number: int) -> str:
+        """Return what is to be known of a generation, and of the individual that the weights choose."""
+        objectives, front = self.step.objectives[number], self.step.fronts[number]
+        alive = np.isfinite(objectives).all(axis=1)
+        shown = normalised(objectives[alive], objectives[front]) if len(front) else objectives[alive]
+        outside = outside_panels(self._scene.panels.pairs, self._canvases, shown)
+        lines = [
+            f"# Step {self.step.sample}, generation {number}",
+            f"{counted(len(front), 'point')} on its front; of {counted(len(alive), 'individual')} "
+            f"{(~alive).sum()} failed.",
+            *outside_text(outside, int(alive.sum()), "the front"),
+        ]
+        if len(front):
+            low, high = objectives[front].min(axis=0), objectives[front].max(axis=0)
+            ranges = zip(self.loop.names, low, high, self.loop.units, strict=True)
+            lines += ["", "## Ranges of the front", ""]
+            lines += [f"- **{name}**: {range_text(least, most, unit)}" for name, least, most, unit in ranges]
+            lines += ["", "## Chosen by the weights", "", self._objectives(number, int(self.step.chosen[number]))]
+        return "\n".join(lines)
+
+    def _objectives(self, number: int, individual: int) -> str:
+        values = self.step.objectives[number, individual]
+        named = zip(self.loop.names, values, self.loop.units, strict=True)
+        return "\n".join(f"- **{name}**: {value:.6g} {unit}".rstrip() for name, value, unit in named)
+
+    def _log_text(self, recording: rr.RecordingStream, words: str) -> None:
+        document = rr.TextDocument(screen_text(words), media_type="text/markdown")
+        recording.log(f"{self._root}/text", document)
 
     def _links(self, number: int, rows: Int[np.ndarray, " rows"]) -> Float[np.ndarray, "rows nodes 3"]:
         return np.asarray(link_nodes(self.step.arm, self.step.q[number, rows]))
@@ -111,14 +159,12 @@ class StepScene:
 
     @cached_property
     def _scene(self) -> SearchScene:
-        return replace(self.loop, timeline="generation", root=(self._root,))
+        return replace(self.loop, root=(self._root,))
 
     @cached_property
     def _canvases(self) -> list[Canvas]:
-        pairs = zip(self.step.objectives, self.step.fronts, strict=True)
-        fronts = [values[front] for values, front in pairs]
-        late = np.concatenate(fronts[len(fronts) // 2 :])  # early ones can lie orders of magnitude off
-        return self._scene.canvases(np.concatenate([replay_window(fronts), late]))
+        alive = np.isfinite(self.step.objectives).all(axis=2)
+        return self._scene.canvases(self.step.objectives[alive])
 
     @cached_property
     def _drawing(self) -> ArmDrawing:

@@ -7,9 +7,7 @@ from collections.abc import Sequence
 
 import rerun.blueprint as rrb
 
-CONTROLS = 116.0  # width of what stands beside the names [pixels]
-BESIDE = 28.0  # of a name's icon and margins [pixels]
-CHARACTER = 6.4  # [pixels]
+from paretoik.review.drawing_options import VIEWS
 
 
 def fitting_tabs(views: Sequence[rrb.View], width: float) -> rrb.Tabs:
@@ -18,7 +16,7 @@ def fitting_tabs(views: Sequence[rrb.View], width: float) -> rrb.Tabs:
     Where their names do not fit, they lose their units, which their axes have; then views whose names begin with one
     word become tabs of a tab, which is called that; at last the longest names are cut.
     """
-    room, shown = width - CONTROLS, list(views)
+    room, shown = width - VIEWS.tab_controls, list(views)
     if _width([str(view.name) for view in shown]) > room:
         for view in shown:
             view.name = _without_unit(str(view.name))
@@ -40,7 +38,7 @@ def fitting_tabs(views: Sequence[rrb.View], width: float) -> rrb.Tabs:
 
 
 def _width(names: Sequence[str]) -> float:
-    return sum(BESIDE + CHARACTER * len(name) for name in names)
+    return sum(VIEWS.tab_margin + VIEWS.tab_character * len(name) for name in names)
 
 
 def _without_unit(name: str) -> str:

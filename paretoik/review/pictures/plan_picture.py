@@ -14,12 +14,10 @@ from paretoik.review.pictures.plots import picture, stroboscopic
 from paretoik.review.recording.planned import PlannedLevel
 from paretoik.trajectory.plan import Plan
 
-SHOWN = 3  # motions side by side
-
 
 def plan_picture(plan: Plan, levels: Sequence[PlannedLevel], label: str, file: Path | str) -> None:
     """Write a PNG of a plan whose objective has a ``label``; raises InvalidInput where the file cannot be written."""
-    optima = plan.optima[:SHOWN]
+    optima = plan.optima[: PAPER.motions]
     planar = optima[0].motion.arm.is_planar
     with picture(file, (11.0, 3.4)) as figure:
         parts: Any = figure.subfigures(1, 2, width_ratios=[1.0, 2.0])
@@ -62,7 +60,7 @@ def _draw_levels(axes: Axes, plan: Plan, levels: Sequence[PlannedLevel], label: 
             label="distinct optima" if level is levels[-1] else None,
         )
     samples = len(plan.best.motion.time)
-    for rank, optimum in enumerate(plan.optima[:SHOWN]):
+    for rank, optimum in enumerate(plan.optima[: PAPER.motions]):
         axes.plot(samples, optimum.objective, color=PAPER.accent(rank), marker="o", markersize=7, markeredgecolor="w")
     values = np.concatenate([[each.objective for each in plan.optima], *(level.optima for level in levels)])
     low, high = float(values.min()), float(values.max())

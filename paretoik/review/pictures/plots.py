@@ -23,6 +23,7 @@ from paretoik.front.compromise import compromise
 from paretoik.front.front import Choice, Front
 from paretoik.front.joint_motions import StoredMotions
 from paretoik.front.marked_rows import best_rows
+from paretoik.review.even_rows import even_rows
 from paretoik.review.limits_between import describe_limits_between
 from paretoik.review.palette import PAPER, objective_label
 
@@ -108,7 +109,7 @@ def stroboscopic(axes: Axes, motion: Any, *, colour: str = PAPER.accents[1]) -> 
     """
     size = 2 if motion.arm.is_planar else 3
     links, tool = motion.links[..., :size], motion.tool[..., :size]
-    picked = np.unique(np.linspace(0, len(links) - 1, PAPER.postures).round().astype(int))
+    picked = even_rows(len(links), PAPER.postures)
     for place, sample in enumerate(picked):
         strength = 0.18 + 0.62 * (place / max(len(picked) - 1, 1)) ** 2
         axes.plot(*links[sample].T, color=PAPER.ink, alpha=strength, linewidth=1.3, solid_capstyle="round")

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import Times, Values
+from paretoik.review.even_rows import even_rows
 from paretoik.review.recording.workcell import Workcell
 from paretoik.task.limits import LIMITED
 from paretoik.task.motion import Motion
@@ -53,8 +54,8 @@ def record_motion(motion: Any, *, curves: bool, samples: int | None = None) -> R
     """
     if not isinstance(motion, Motion):
         return None
-    count = len(motion.time) if samples is None else min(samples, len(motion.time))
-    rows = np.linspace(0, len(motion.time) - 1, count).round().astype(int)
+    count = len(motion.time)
+    rows = even_rows(count, count if samples is None else samples)
     kinds = {kind: np.array(getattr(motion, name)[rows]) for kind, name in LIMITED.items()} if curves else None
     return RecordedMotion(time=np.array(motion.time[rows]), q=np.array(motion.q[rows]), curves=kinds)
 

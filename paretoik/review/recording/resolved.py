@@ -12,6 +12,7 @@ from jaxtyping import Float, Shaped
 from paretoik.arrays import Times
 from paretoik.resolution.traces import ResolvedMotion
 from paretoik.review.drawing_options import DRAWING
+from paretoik.review.even_rows import even_rows
 from paretoik.review.recording.recorded_point import RecordedPoint, record_motion
 from paretoik.review.recording.workcell import Workcell
 from paretoik.robot.kinematics import link_nodes
@@ -76,10 +77,10 @@ class ResolutionEnd:
 def record_traces(motion: ResolvedMotion) -> tuple[list[RecordedTraces], int]:
     """Return the motions of a batch, evenly spread ones of many, and how many there are."""
     batch = list(np.ndindex(motion.q.shape[:-2]))
-    places = np.unique(np.linspace(0, len(batch) - 1, min(len(batch), DRAWING.walk)).round().astype(int))
-    return [
-        _recorded(motion[batch[place]] if batch[place] else motion, int(place), batch[place]) for place in places
-    ], len(batch)
+    places = even_rows(len(batch), DRAWING.walk).tolist()
+    return [_recorded(motion[batch[place]] if batch[place] else motion, place, batch[place]) for place in places], len(
+        batch
+    )
 
 
 def _recorded(motion: ResolvedMotion, place: int, index: tuple[int, ...]) -> RecordedTraces:

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.front.front import Front
-from paretoik.review.report.obstacle_outlines import outline, wires
+from paretoik.review.obstacle_outlines import outline, wires
 from paretoik.task.limits import JOINT_UNITS, LIMITED
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask

@@ -9,9 +9,8 @@ import paretoik as pk
 from paretoik.capability import JointActuation, MotorCurve
 from paretoik.review.drawing.drawn_axes import TEXT, text_width
 from tests.api.problems import PATH
-from tests.review.reading import blank_views, last_text, missing_entities, read, rows, static_words, views
+from tests.review.reading import SECOND, blank_views, last_text, missing_entities, read, rows, static_words, views
 
-SECOND = 1_000_000_000  # durations are nanoseconds
 START = [0.0, 0.327, -0.754]
 MOVING = ["/legend/words", "/text", "/arm/axes/labels", "/arm/base", "/arm/target", "/arm/chosen/links"]
 MOVING += ["/arm/chosen/path", "/arm/chosen/ghosts", "/charts/error/grid", "/charts/error/curves"]

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from paretoik.review.drawing.drawn_axes import Canvas
 from paretoik.review.drawing.label_places import label_place
-from paretoik.review.drawing.panel_marks import END, RING, log_ends
+from paretoik.review.drawing.panel_marks import log_ends
+from paretoik.review.drawing_options import MARKS
 from paretoik.review.recording.recorded_point import RecordedPoint
 from tests.review.reading import read, rows
 
@@ -44,7 +45,9 @@ def test_best_points_that_are_one_are_rings_around_each_other_with_both_names(tm
         log_ends(stream, ["front"], CANVAS, at, points, ("energy", "torque", "way"), at, of=" of level 1")
     entities = read(tmp_path / "ends.rrd")
     radii = rows(entities["/front/ends"], "generation", "radii")[1]
-    np.testing.assert_allclose(-radii, [END + RING, END + RING, END])  # in pixels: negative
+    np.testing.assert_allclose(
+        -radii, [MARKS.end + MARKS.ring, MARKS.end + MARKS.ring, MARKS.end]
+    )  # in pixels: negative
     assert rows(entities["/front/ends/names_0"], "generation", "labels")[1].tolist() == ["best energy\nbest way"]
     hovered = rows(entities["/front/ends"], "generation", "labels")[1].tolist()
     both = "point 4 of level 1, best energy, best way"

@@ -9,6 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import paretoik as pk
+from paretoik.front.compromise import compromise
 from paretoik.review.drawing.choice_layer import write_choice_layer
 from paretoik.review.drawing.drawn_axes import TEXT, text_width
 from paretoik.review.drawing.joint_charts import limit_lines
@@ -18,9 +19,7 @@ from paretoik.review.recording.recorded_point import record_motion
 from paretoik.review.recording.workcell import workcell_of
 from problems.kim_2021 import directions_dam, point_to_point_dam
 from problems.marcos_2012 import loop
-from tests.review.reading import FRAME, blank_views, missing_entities, read, rows, shown, static_words, views
-
-SECOND = 1_000_000_000  # durations are nanoseconds
+from tests.review.reading import FRAME, SECOND, blank_views, missing_entities, read, rows, shown, static_words, views
 
 
 def planar() -> pk.Tracking:
@@ -68,6 +67,12 @@ INSTANTS = {
 }
 
 
+def instants_of(name: str, front: pk.Front) -> dict[str, tuple[int, ...]]:
+    """Return the instants of a run: arms that push in directions do not move, nor does one point along a front."""
+    constant = {"motion": name == "directions", "point": len(front) == 1}
+    return {timeline: times for timeline, times in INSTANTS.items() if not constant.get(timeline)}
+
+
 @pytest.fixture(scope="module", params=RUNS)
 def run(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp("run")
@@ -76,7 +81,62 @@ def run(request, tmp_path_factory):
 
 
 def test_no_view_is_blank_at_any_instant(run):
-    assert not blank_views(run[2], INSTANTS)
+    assert not blank_views(run[2], instants_of(run[0], run[1]))
+
+
+def test_a_timeline_is_there_where_something_changes_along_it(run):
+    name, front, file = run
+    timelines = read_recorded(file).timelines
+    assert ("motion" in timelines) == (name != "directions")
+    assert ("point" in timelines) == (len(front) > 1)
+
+
+def test_an_arm_is_nowhere_seen_to_lag_behind_the_time(run):
+    name, front, file = run
+    if name == "directions":
+        return
+    entities, choice = read(file), compromise(front)
+    strips = rows(entities["/arm/chosen/links"], "motion", "strips")
+    time, end = np.array(sorted(strips)), choice.motion.time[-1] - choice.motion.time[0]
+    assert np.diff(time).max() <= 1.02 * end * SECOND / 100
+    samples = np.round((choice.motion.time - choice.motion.time[0]) * SECOND).astype(int)
+    assert (np.abs(samples[:, None] - time).min(axis=1) <= 1).all()
+    series = rows(entities["/joints/position"], "motion", "scalars")
+    np.testing.assert_array_equal(np.stack([series[at] for at in sorted(series)]), choice.motion.q)
+    cursors = rows(entities["/joint_charts/position/cursor"], "motion", "strips")
+    across = np.array([cursors[at][0][0][0] for at in time.tolist()])
+    np.testing.assert_allclose(np.diff(across) / np.diff(time), np.ptp(across) / np.ptp(time), rtol=1e-2)
+
+
+def test_the_labels_of_the_chosen_point_and_of_the_one_looked_at_never_overlap(run):
+    _, front, file = run
+    entities, choice = read(file), compromise(front)
+    if len(front) == 1:
+        return
+    (panel,) = {path.rsplit("/", 2)[0] for path in entities if path.endswith("/looked_at/name")}
+    (chosen,) = rows(entities[f"{panel}/chosen/name"], "point", "positions").values()
+    seen = rows(entities[f"{panel}/looked_at/name"], "point", "positions")
+    wide = text_width(f"point {choice.id}")
+    for place in seen.values():
+        if len(chosen) and len(place):
+            assert (np.abs(place[0] - chosen[0]) >= (0.9 * wide, 0.6 * TEXT.line)).any()
+
+
+def test_individuals_outside_the_axes_are_counted_in_words(run):
+    _, front, file = run
+    entities = read(file)
+    texts = rows(entities["/text"], "generation", "text")
+    (panel, *_) = {path.rsplit("/", 1)[0] for path in entities if path.endswith("/population") and "front" in path}
+    drawn = rows(entities[f"{panel}/population"], "generation", "positions")
+    everything = rows(entities["/search/population"], "generation", "F")
+    for number, words in texts.items():
+        count = len(everything[number]) // len(front.names)
+        said = [line for line in str(words[0]).splitlines() if "outside the axes" in line]
+        outside = int(said[0].split()[0]) if said else 0
+        if number < max(texts):  # there it is the front that is spoken of
+            assert count - len(drawn[number]) <= outside <= count
+        if len(front.names) == 2 and number < max(texts):
+            assert count - len(drawn[number]) == outside
 
 
 def test_everything_of_the_checklist_is_there_at_every_instant(run):
@@ -107,7 +167,7 @@ def test_everything_of_the_checklist_is_there_at_every_instant(run):
     first = min(number for number, F in fronts.items() if F.size)
     late = {
         timeline: times[-1:] if first > 1 and timeline in ("generation", "replay") else times  # nothing was feasible
-        for timeline, times in INSTANTS.items()
+        for timeline, times in instants_of(name, front).items()
     }
     assert not missing_entities(file, wanted, late)
 
@@ -125,7 +185,7 @@ def test_the_words_are_those_of_what_is_shown(run):
         assert unit in last
     assert "population: 16" in last
     along = rows(words, "point", "text")
-    assert len(along) >= min(len(front), 3)
+    assert len(along) >= (min(len(front), 3) if len(front) > 1 else 0)
     assert all(str(text[0]).startswith("# Point ") for text in along.values())
 
 
@@ -219,12 +279,12 @@ def test_a_choice_stands_beside_another_in_a_layer_of_the_same_recording(run, tm
     entities = read(tmp_path / "choice.rrd")
     for root, choice in (("choice", first), ("compared", last)):
         motion = record_motion(choice.motion, curves=False)
-        strips = rows(entities[f"/{root}/arm/chosen/links"], "motion", "strips")
-        assert len(strips) == len(motion.time)
+        timeline, count = ("generation", 1) if motion.is_standing else ("motion", len(motion.time))
+        assert len(rows(entities[f"/{root}/arm/chosen/links"], timeline, "strips")) >= count
         assert str(rows_of_text(entities[f"/{root}/text"])).startswith(f"# Point {choice.id}, ")
     everything = entities | {path: batches for path, batches in read(file).items() if path not in entities}
     for view, origin in views(tmp_path / "choice.rrd").items():
-        for timeline in ("motion", "generation"):
+        for timeline in {"motion", "generation"} & set(read_recorded(file).timelines):
             assert shown(everything, origin, timeline, 5), (view, origin, timeline)
 
 
@@ -244,9 +304,8 @@ def test_a_layer_stands_on_every_timeline_of_a_recording_whatever_verb_it_is_of(
     timeline, front, file = certified_run
     recorded = read_recorded(file)
     assert recorded.timeline == timeline
-    assert recorded.timelines == {
-        timeline: "sequence", "point": "sequence", "motion": "duration", "replay": "duration",
-    }  # fmt: skip
+    walked = {"point": "sequence"} if len(front) > 1 else {}
+    assert recorded.timelines == {timeline: "sequence", "motion": "duration", "replay": "duration"} | walked
     write_choice_layer(front, front[int(front.ids[0])], tmp_path / "choice.rrd", recording=file)
     entities = read(tmp_path / "choice.rrd")
     everything = entities | {path: batches for path, batches in read(file).items() if path not in entities}
@@ -283,3 +342,9 @@ def test_a_closed_loop_opens_on_the_step_whose_search_was_recorded(tmp_path):
     assert str(words[1][0]).startswith("# Step 1\n")
     assert "/arm/obstacles/outlines" in entities
     assert "/step_7/arm/obstacles/outlines" in entities
+    assert "The search of step 7 has a tab" in str(words[1][0])
+    assert "The steps from 7 on, blue on the slider, are played again and again" in str(words[1][0])
+    searched = rows(entities["/step_7/text"], "generation", "text")
+    assert all(str(searched[number][0]).startswith(f"# Step 7, generation {number}") for number in searched)
+    one_by_one = rows(entities["/step_7/text"], "individual", "text")
+    assert f", 4 of {len(one_by_one)} by joint_displacement\n" in str(one_by_one[3][0])

@@ -112,7 +112,7 @@ def test_the_chosen_motion_is_replayed_sample_by_sample(planar, tmp_path, make_f
         assert sorted(series) == nanoseconds
         np.testing.assert_array_equal(np.stack([series[time] for time in nanoseconds]), values)
     strips = rows(entities["/arm/chosen/links"], "motion", "strips")
-    assert sorted(strips) == nanoseconds
+    assert set(nanoseconds) <= set(strips)  # and between them
     last = strips[nanoseconds[-1]][0]
     assert last.shape == (5, 2 if planar else 3)
     if not planar:
