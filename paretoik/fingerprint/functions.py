@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dis
+import inspect
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -39,7 +40,8 @@ def function_parts(function: FunctionType) -> FunctionParts:
     """Return the parts of a function; what it changes itself, such as a cache of its own, is none of them."""
     code, module_globals = function.__code__, function.__globals__
     if is_library(function.__module__, code.co_filename):
-        return FunctionParts(code=library_name(function), values=_closure(function, set()), node=None)
+        bare = inspect.unwrap(function)  # type checks that a user has put around it do not count
+        return FunctionParts(code=library_name(bare), values=_closure(bare, set()), node=None)
     node = syntax_of(code, module_globals)
     written = set[Place]() if node is None else written_places(node)
     names = {name for name, _ in written}
