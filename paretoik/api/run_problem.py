@@ -35,17 +35,22 @@ def check_own(folder: Path, reference: object) -> None:
     is in too: they may have come together. The home folder and those above it are no projects; modules, which may be
     anywhere on Python's path, are not loaded for a run.
     """
-    place, _, name = str(reference).rpartition(":")
-    file, run, project = Path(place), folder.resolve(), Path.cwd().resolve()
-    if file.suffix != ".py" or not name:
-        raise InvalidInput(f"the run names {reference!r}, which is no FILE.py:NAME; {CONFIRM}")
-    if not file.is_file():
-        raise InvalidInput(f"problem file {place}: the run names it, and there is none in {project}; {CONFIRM}")
-    file = file.resolve()
-    if not file.is_relative_to(project) or project in (Path.home(), *Path.home().parents):
-        raise InvalidInput(f"problem file {place}: the run names it, and it is not below {project}; {CONFIRM}")
-    parts, shared = file.relative_to(project).parts, project
-    if len(parts) > 1:
-        shared = project / parts[0]
-    if file.is_relative_to(run) or (shared != project and run.is_relative_to(shared)):
-        raise InvalidInput(f"problem file {place}: the run names it, and it lies beside the run; {CONFIRM}")
+    fault = _fault(str(reference), folder.resolve(), Path.cwd().resolve())
+    if fault:
+        raise InvalidInput(f"the run names {str(reference)!r}, {fault}; {CONFIRM}")
+
+
+def _fault(reference: str, run: Path, project: Path) -> str:
+    """Return why what a run names is not loaded unasked, "" where it may be."""
+    place, _, name = reference.rpartition(":")
+    if not name or Path(place).suffix != ".py" or "\0" in place:
+        return "which is no FILE.py:NAME"
+    if not Path(place).is_file():
+        return f"a file that is not in {project}"
+    home, file = Path.home().resolve(), Path(place).resolve()
+    if project == home or project in home.parents or not file.is_relative_to(project):
+        return f"a file that is not below a project's folder: this is {project}"
+    beside = project / file.relative_to(project).parts[0]
+    if file.is_relative_to(run) or (beside.is_dir() and run.is_relative_to(beside)):
+        return "a file that lies beside the run"
+    return ""
