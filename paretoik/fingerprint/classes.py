@@ -5,6 +5,7 @@ from __future__ import annotations
 import copyreg
 from collections.abc import Mapping
 from dataclasses import MISSING, fields, is_dataclass
+from enum import Enum
 from functools import cached_property
 from types import FunctionType, GetSetDescriptorType, MemberDescriptorType
 from typing import Any
@@ -31,6 +32,9 @@ def class_parts(kind: type) -> dict[str, object]:
             default = each.default_factory if each.default is MISSING else each.default
             parts[f"field {each.name}"] = None if default is MISSING else default
     state = _state_names(kind)
+    if issubclass(kind, Enum):
+        parts["members"] = {name: member.value for name, member in kind.__members__.items()}
+        state |= {name for name in vars(kind) if name in kind.__members__ or name[0] == name[-1] == "_"}
     for name, value in vars(kind).items():
         slot = isinstance(value, MemberDescriptorType | GetSetDescriptorType)
         if not slot and name not in state and (_is_written(value) if name.startswith("__") else name != "_abc_impl"):

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import sys
+import sysconfig
 from types import ModuleType
 from typing import Any
 
 OURS = "paretoik"
 INSTALLED = ("/site-packages/", "/dist-packages/")
+PYTHON = (sysconfig.get_path("stdlib"), "<frozen ")
 
 
 def is_library(module: str | None, file: str | None = None) -> bool:
@@ -16,7 +18,9 @@ def is_library(module: str | None, file: str | None = None) -> bool:
     if name.partition(".")[0] in {OURS, "builtins", *sys.stdlib_module_names}:
         return True
     place = file or getattr(sys.modules.get(name), "__file__", None)
-    return place is not None and any(folder in place.replace("\\", "/") for folder in INSTALLED)
+    if place is None:
+        return False
+    return place.startswith(PYTHON) or any(folder in place.replace("\\", "/") for folder in INSTALLED)
 
 
 def is_library_class(kind: type) -> bool:

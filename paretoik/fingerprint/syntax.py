@@ -82,12 +82,25 @@ def _text(node: object) -> str:
         return repr(node)
     if isinstance(node, ast.Constant):
         return f"{type(node.value).__name__} {node.value!r}"
+    if isinstance(node, ast.JoinedStr):
+        return f"JoinedStr({_text(_merge_texts(node.values))})"
     if isinstance(node, ast.Pass) or (isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)):
         return ""
     if isinstance(node, ast.AnnAssign):
         return "" if node.value is None else f"Assign(targets=[{_text(node.target)}] value={_text(node.value)})"
     fields = [(name, value) for name, value in ast.iter_fields(node) if name not in UNSAID]
     return f"{type(node).__name__}({' '.join(f'{n}={_text(v)}' for n, v in fields if v is not None and v != [])})"
+
+
+def _merge_texts(values: list[ast.expr]) -> list[ast.expr]:
+    """Return the parts of a formatted string, neighbouring texts as one: Python's versions divide them otherwise."""
+    merged = list[ast.expr]()
+    for each in values:
+        if merged and isinstance(each, ast.Constant) and isinstance(merged[-1], ast.Constant):
+            merged[-1] = ast.Constant(str(merged[-1].value) + str(each.value))
+        else:
+            merged.append(each)
+    return [each for each in merged if not (isinstance(each, ast.Constant) and each.value == "")]
 
 
 def read_names(node: Function) -> set[str]:
