@@ -41,6 +41,7 @@ def load_front(folder: str | Path, problem: Any = None) -> Front:
     except ParetoikError as error:
         if problem is not None:
             raise
-        warnings.warn(f"{folder}: motions come without their arm: {error}", RuntimeWarning, stacklevel=2)
+        cause = str(error).removeprefix(f"{folder}: ")
+        warnings.warn(f"{folder}: motions come without their arm: {cause}", RuntimeWarning, stacklevel=2)
         return front
     return attach(replace(front, motions=restore_motions(whole, front), problem=whole), front.folder)

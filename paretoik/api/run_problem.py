@@ -12,7 +12,7 @@ from typing import Any
 from paretoik.errors import InvalidInput
 from paretoik.loading import load_problem
 
-CONFIRM = "name the problem to have it: load_front(folder, problem), or --problem FILE.py:NAME"
+CONFIRM = "problem=, or --problem FILE.py:NAME, loads one wherever it is"
 
 
 def problem_of_run(folder: Path, reference: object, problem: Any = None) -> Any:
@@ -37,14 +37,14 @@ def check_own(folder: Path, reference: object) -> None:
     """
     fault = _fault(str(reference), folder.resolve(), Path.cwd().resolve())
     if fault:
-        raise InvalidInput(f"the run names {str(reference)!r}, {fault}; {CONFIRM}")
+        raise InvalidInput(f"{folder}: wanted a problem of this project, got {str(reference)!r}, {fault}; {CONFIRM}")
 
 
 def _fault(reference: str, run: Path, project: Path) -> str:
     """Return why what a run names is not loaded unasked, "" where it may be."""
     place, _, name = reference.rpartition(":")
     if not name or Path(place).suffix != ".py" or "\0" in place:
-        return "which is no FILE.py:NAME"
+        return "no FILE.py:NAME"
     if not Path(place).is_file():
         return f"a file that is not in {project}"
     home, file = Path.home().resolve(), Path(place).resolve()

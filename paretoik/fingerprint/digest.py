@@ -22,8 +22,9 @@ from paretoik.fingerprint.libraries import is_library_class, library_name
 
 @dataclass(frozen=True, kw_only=True)
 class DigestOptions:
-    """How numbers are compared."""
+    """How far values are looked into, and how numbers are compared."""
 
+    depth: int = 100  # of values within each other; what lies deeper counts by its type, or Python's stack would end
     decimals: int = 6  # of computed values [rad, m, shares]: processors differ in the last bits of what they compute
 
 
@@ -49,6 +50,8 @@ class Digester:
             return self.done[key][1]
         if id(value) in self.open:
             return joined("cycle", str(len(self.open) - self.open[id(value)]).encode())
+        if len(self.open) > OPTIONS.depth:
+            return joined("deep", library_name(type(value)).encode())
         self.open[id(value)] = len(self.open)
         try:
             result = self._compound(value)

@@ -156,7 +156,7 @@ def test_a_stranger_is_named_in_one_line_that_says_how_to_have_it(strangers):
         front = pk.load_front("runs/escape")
     (text,) = [str(each.message) for each in warned]
     assert "motions come without their arm: " in text
-    assert "load_front(folder, problem), or --problem FILE.py:NAME" in text
+    assert "problem=, or --problem FILE.py:NAME, loads one" in text
     assert "\x1b" not in text
     assert not hasattr(front.motions, "torque")
     assert np.isfinite(front.motions.q).all()

@@ -241,3 +241,14 @@ def test_every_process_has_the_same(load, before, tmp_path, seed):
     )
     sets = {"x", "y", "z"}
     assert child.stdout.split() == [before, fingerprint([sets, frozenset(sets)])]
+
+
+def test_values_that_refer_to_themselves_or_lie_deep_have_one_too():
+    def endless(number):
+        loop, deep = [number], [number]
+        loop.append({"self": loop})
+        for _ in range(5000):
+            deep = [deep]
+        return [loop, deep]
+
+    assert fingerprint(endless(1)) == fingerprint(endless(1)) != fingerprint(endless(2))
