@@ -13,6 +13,7 @@ from paretoik.errors import InvalidInput
 from paretoik.loading import load_problem
 
 CONFIRM = "problem=, or --problem FILE.py:NAME, loads one wherever it is"
+LONGEST = 200  # characters that messages quote
 
 
 def problem_of_run(folder: Path, reference: object, problem: Any = None) -> Any:
@@ -35,9 +36,13 @@ def check_own(folder: Path, reference: object) -> None:
     is in too: they may have come together. The home folder and those above it are no projects; modules, which may be
     anywhere on Python's path, are not loaded for a run.
     """
-    fault = _fault(str(reference), folder.resolve(), Path.cwd().resolve())
+    text, project = str(reference), Path.cwd().resolve()
+    try:
+        fault = _fault(text, folder.resolve(), project)
+    except OSError as error:  # a name that is too long, a folder that nobody may look into
+        fault = f"no file that can be looked at, {error.strerror}"
     if fault:
-        raise InvalidInput(f"{folder}: wanted a problem of this project, got {str(reference)!r}, {fault}; {CONFIRM}")
+        raise InvalidInput(f"{folder}: wanted a problem of this project, got {text[:LONGEST]!r}, {fault}; {CONFIRM}")
 
 
 def _fault(reference: str, run: Path, project: Path) -> str:
@@ -47,10 +52,19 @@ def _fault(reference: str, run: Path, project: Path) -> str:
         return "no FILE.py:NAME"
     if not Path(place).is_file():
         return f"a file that is not in {project}"
-    home, file = Path.home().resolve(), Path(place).resolve()
-    if project == home or project in home.parents or not file.is_relative_to(project):
+    file = Path(place).resolve()
+    if not _is_project(project) or not file.is_relative_to(project):
         return f"a file that is not below a project's folder: this is {project}"
     beside = project / file.relative_to(project).parts[0]
     if file.is_relative_to(run) or (beside.is_dir() and run.is_relative_to(beside)):
         return "a file that lies beside the run"
     return ""
+
+
+def _is_project(folder: Path) -> bool:
+    """Return whether a folder may be a project's: one that is neither the home folder nor above it."""
+    try:
+        home = Path.home().resolve()
+    except RuntimeError:  # this user has none
+        return True
+    return folder != home and folder not in home.parents

@@ -33,6 +33,8 @@ HOSTILE = {  # what runs name, by the runs' names
     "list": ["os", "abort"],
     "number": 3,
     "empty": "",
+    "long": f"{'evil' * 2000}.py:problem",
+    "nul": "evil\0.py:problem",
     "escape": "evil\x1b[2J.py:problem",
 }
 TRACED = """
@@ -169,6 +171,14 @@ def test_a_run_of_another_scheme_says_that_another_version_made_it(run, problem,
     with pytest.raises(InvalidInput, match=r"another version of paretoik made the run.*whether it is of this problem"):
         pk.load_front(tmp_path / "old", problem)
     assert len(pk.load_front(tmp_path / "old")) == len(front)
+
+
+def test_in_a_projects_folder_a_file_of_another_folder_than_the_runs_is_the_users(project):
+    for run in ("runs/first", "elsewhere", "../elsewhere"):
+        check_own(Path(run), "papers/users_motions.py:motions")
+        check_own(Path(run), f"{Path('papers').resolve()}/users_motions.py:motions")
+    with pytest.raises(InvalidInput, match="lies beside the run"):
+        check_own(Path("papers/run"), "papers/users_motions.py:motions")
 
 
 @pytest.mark.parametrize("home", [".", "papers"])
