@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copyreg
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, fields, is_dataclass
 from enum import Enum
 from functools import cached_property
@@ -12,9 +12,13 @@ from typing import Any
 
 from paretoik.fingerprint.functions import underlying
 from paretoik.fingerprint.libraries import OURS, is_library, is_library_class, library_name
-from paretoik.fingerprint.syntax import Function, called_methods, first_argument, syntax_of, written_places
+from paretoik.fingerprint.syntax import Function, first_argument, syntax_of, used_methods, written_places
 
 CONSTRUCTION = ("__init__", "__post_init__", "__new__", "__init_subclass__")
+EVALUATING = frozenset(  # what a search calls of a problem
+    {"_evaluate", "evaluate", "__call__", "decode", "encode", "explain", "species", "sample_starts", "algorithm"}
+    | {"_calc_pareto_front", "_calc_pareto_set"}
+)
 PYMOO = "pymoo.core.problem"
 EVALUATION = frozenset(  # how a pymoo problem is evaluated, not what it is
     {"elementwise_func", "elementwise_runner", "requires_kwargs", "strict"}
@@ -56,7 +60,7 @@ def object_state(value: Any) -> Mapping[str, object]:
     """Return by name what makes an object what it is, without what was computed from it meanwhile.
 
     Of data classes these are the fields; of a user's objects, of ours and of pymoo's problems the attributes, except
-    those that methods write after construction; of those of libraries what they would be pickled with.
+    those that its evaluation writes; of those of libraries what they would be pickled with.
     """
     kind = type(value)
     if is_dataclass(kind):
@@ -85,23 +89,33 @@ def _reduced(value: Any) -> Mapping[str, object]:
 
 
 def _state_names(kind: type) -> set[str]:
-    """Return the attributes that methods of a user's class write once it is constructed: counts, caches, progress."""
+    """Return the attributes that methods of a user's class write once it is constructed: counts, caches, progress.
+
+    Of a class that can be evaluated these are the methods that an evaluation leads to, of others all.
+    """
     nodes = dict[str, Function]()
     for base in reversed(kind.__mro__):
         if not is_library_class(base):
             nodes |= _methods(base)
-    construction, pending = set[str](), [name for name in CONSTRUCTION if name in nodes]
-    while pending:
-        name = pending.pop()
-        construction.add(name)
-        pending += [each for each in called_methods(nodes[name]) & nodes.keys() if each not in construction]
+    evaluates = any(name in nodes for name in ("_evaluate", "__call__"))
+    late = _reachable(nodes, EVALUATING) if evaluates else set(nodes)  # a setter is a user's to call, and defines
+    names = {base.__name__ for base in kind.__mro__}
     return {
         attribute
-        for name, node in nodes.items()
-        if name not in construction
-        for owner, attribute in written_places(node)
-        if attribute is not None and owner == first_argument(node)
+        for name in late - _reachable(nodes, CONSTRUCTION)
+        for owner, attribute in written_places(nodes[name])
+        if attribute is not None and owner in {first_argument(nodes[name]), *names}
     }
+
+
+def _reachable(nodes: Mapping[str, Function], names: Iterable[str]) -> set[str]:
+    """Return which methods some of them lead to, these included."""
+    reached, pending = set[str](), [name for name in names if name in nodes]
+    while pending:
+        name = pending.pop()
+        reached.add(name)
+        pending += used_methods(nodes[name]) & nodes.keys() - reached
+    return reached
 
 
 def _methods(kind: type) -> dict[str, Function]:

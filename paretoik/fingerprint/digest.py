@@ -72,8 +72,10 @@ class Digester:
     def _plain(self, value: Any) -> bytes:
         if isinstance(value, Enum):
             return joined("enum", self.digest(type(value)), value.name.encode())
-        if isinstance(value, str | bytes):
-            return joined("text", value.encode(errors="surrogatepass") if isinstance(value, str) else b"bytes " + value)
+        if isinstance(value, str):
+            return joined("text", value.encode(errors="surrogatepass"))
+        if isinstance(value, bytes):
+            return joined("bytes", value)
         if isinstance(value, np.generic):
             return self._plain(value.item()) if not isinstance(value.item(), np.generic) else self._array(value)
         if isinstance(value, int) and abs(value) > EXACT:

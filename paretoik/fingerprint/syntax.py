@@ -132,19 +132,11 @@ def written_places(node: Function) -> set[Place]:
     return {(name, attribute) for name, attribute in places if name}
 
 
-def called_methods(node: Function) -> set[str]:
-    """Return the names of methods that a function calls of its first argument, or of ``super()``."""
-    first = first_argument(node)
-    calls = [each.func for each in ast.walk(node) if isinstance(each, ast.Call)]
-    return {
-        call.attr
-        for call in calls
-        if isinstance(call, ast.Attribute)
-        and (
-            (isinstance(call.value, ast.Name) and call.value.id == first)
-            or (isinstance(call.value, ast.Call) and _place(call.value.func) == ("super", None))
-        )
-    }
+def used_methods(node: Function) -> set[str]:
+    """Return the names of what a function takes from its first argument, or from ``super()``: methods among them."""
+    first, attributes = first_argument(node), [each for each in ast.walk(node) if isinstance(each, ast.Attribute)]
+    owners = [(each.attr, each.value.func if isinstance(each.value, ast.Call) else each.value) for each in attributes]
+    return {name for name, owner in owners if isinstance(owner, ast.Name) and owner.id in (first, "super")}
 
 
 def first_argument(node: Function) -> str:

@@ -73,6 +73,8 @@ class Base(Problem):
         return x + self.offset
 
 class Mine(Base):
+    shared = {}
+
     def __init__(self, width=2.0):
         super().__init__(n_var=2, n_obj=2, n_ieq_constr=1, xl=0.0, xu=1.0)
         self.calls = 0
@@ -84,13 +86,21 @@ class Mine(Base):
         self.width = width
         self.matrix = np.eye(2) * width
 
+    def set_width(self, width):
+        self.width = width
+
     @property
     def half(self):
+        self.halved = True
         return self.width / 2
 
-    def _evaluate(self, x, out, *args, **kwargs):
+    def count_call(self):
         self.calls += 1
+
+    def _evaluate(self, x, out, *args, **kwargs):
+        self.count_call()
         self.cache_of_mine[self.calls] = x
+        Mine.shared[self.calls] = self.half
         self.log.append(x)
         self.last = x
         y = self.shift(x) @ self.matrix
@@ -201,7 +211,7 @@ def test_solving_changes_nothing(load, before):
 
 def test_a_problem_that_is_changed_by_hand_is_another(load, before):
     module = load(SOURCE)
-    module.problem.width = 5.0
+    module.problem.set_width(5.0)
     assert everything(module) != before
 
 
