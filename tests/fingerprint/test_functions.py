@@ -13,7 +13,7 @@ import pytest
 import paretoik as pk
 from paretoik.fingerprint.fingerprint import fingerprint
 from tests.fingerprint.every_syntax import EVERYTHING
-from tests.fingerprint.users_code import loader
+from tests.fingerprint.users_code import PREFIX, loader
 
 ROOT = Path(__file__).parents[2]
 SOURCE = """
@@ -161,9 +161,8 @@ SAME = {
 
 @pytest.fixture(scope="module")
 def load(tmp_path_factory):
-    before = set(sys.modules)
     yield loader(tmp_path_factory.mktemp("users"))
-    for name in set(sys.modules) - before:
+    for name in [name for name in sys.modules if name.startswith(PREFIX)]:
         del sys.modules[name]
 
 

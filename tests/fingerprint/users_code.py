@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 
+PREFIX = "users_code_"
 NUMBERS = itertools.count()
 
 
@@ -16,7 +17,7 @@ def loader(folder: Path) -> Callable[[str], ModuleType]:
     """Return a function that loads a source from a file of its own, under a name of its own."""
 
     def load(source: str) -> ModuleType:
-        name = f"users_code_{next(NUMBERS)}"
+        name = f"{PREFIX}{next(NUMBERS)}"
         file = folder / f"{name}.py"
         file.write_text(source)
         spec = importlib.util.spec_from_file_location(name, file)
