@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import hashlib
 import importlib
 import inspect
 import sys
 import traceback
-from collections.abc import Iterable
 from difflib import get_close_matches
 from pathlib import Path
 from types import FunctionType, ModuleType
 from typing import Any, TypeGuard
-
-import numpy as np
 
 from paretoik.errors import InvalidInput, ParetoikError
 from paretoik.formulations.protocol import timeline
@@ -23,8 +19,9 @@ def load_problem(reference: str) -> Any:
     """Return the pymoo problem, or closed loop, that ``file.py:name`` or ``package.module:name`` stands for.
 
     As with Flask and uvicorn: for a file the folders with an ``__init__.py`` above it are its package, whose root goes
-    *first* on sys.path; for a module it is the current folder. A name that is not a problem but a function without
-    arguments is called; what paretoik raises then passes through.
+    *first* on sys.path; for a module it is the current folder. A name that is not a problem is called where it is a
+    function that the file defines, or one, or a class, that says that it makes one, without arguments; what paretoik
+    raises then passes through. Nothing else is called.
 
     Raises InvalidInput where the file, the module or the name is missing, loading fails, or the name is no problem's.
     """
@@ -37,7 +34,7 @@ def load_problem(reference: str) -> Any:
     value = getattr(module, name, None)
     if value is None:
         raise InvalidInput(f"problem {reference!r}: wanted one that {place} has, {_list_names(module, name)}")
-    problem = value if _is_problem(value) or not callable(value) else _call(value, module, reference)
+    problem = _call(value, module, reference) if _is_factory(value, module) else value
     if not _is_problem(problem):
         raise InvalidInput(
             f"problem {reference!r}: wanted a pymoo problem or a function that returns one, got {problem!r}"
@@ -124,14 +121,28 @@ def _offers(module: ModuleType) -> dict[str, Any]:
     return {name: value for name, value in public.items() if _is_problem(value) or _makes_problem(value, module)}
 
 
+def _is_factory(value: object, module: ModuleType) -> bool:
+    """Return whether a value may be called for a problem: the file's own function, or what says that it makes one."""
+    if inspect.isclass(value):
+        return _is_problem_class(value)
+    function = inspect.unwrap(value) if callable(value) else value
+    return inspect.isfunction(function) and (function.__module__ == module.__name__ or _returns_problem(function))
+
+
 def _makes_problem(value: object, module: ModuleType) -> bool:
-    if not _is_own_factory(value, module):
-        return False
+    return _is_own_factory(value, module) and _returns_problem(value)
+
+
+def _returns_problem(value: FunctionType) -> bool:
     try:
         returned = inspect.signature(value, eval_str=True).return_annotation
     except Exception:  # an annotation that means nothing outside a type checker
         return False
-    return inspect.isclass(returned) and (hasattr(returned, "evaluate") or timeline(returned) == "step")
+    return inspect.isclass(returned) and _is_problem_class(returned)
+
+
+def _is_problem_class(kind: type) -> bool:
+    return hasattr(kind, "evaluate") or timeline(kind) == "step"
 
 
 def _is_own_factory(value: object, module: ModuleType) -> TypeGuard[FunctionType]:
@@ -173,17 +184,3 @@ def _summary(error: BaseException, file: str | None) -> str:
     lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == file]
     where = f" in line {lines[-1]}" if lines else ""
     return f"{type(error).__name__}{where}: {' '.join(str(error).split())}"
-
-
-def fingerprint(problem: Any) -> str:
-    """Return a digest of everything that gives a problem's genes their objectives."""
-    parts = problem.fingerprint_parts() if hasattr(problem, "fingerprint_parts") else [problem.xl, problem.xu]
-    return digest_of(f"{type(problem).__name__} {problem.n_var} {problem.n_obj}", parts)
-
-
-def digest_of(label: str, parts: Iterable[object]) -> str:
-    """Return a digest of a label and of parts: arrays by their numbers, others by their text."""
-    digest = hashlib.sha256(label.encode())
-    for part in parts:
-        digest.update(np.ascontiguousarray(part).tobytes() if isinstance(part, np.ndarray) else str(part).encode())
-    return digest.hexdigest()

@@ -9,11 +9,14 @@ from pymoo.problems.multi.zdt import ZDT1
 
 import paretoik as pk
 from paretoik.errors import Infeasible, InvalidInput
-from paretoik.loading import fingerprint, load_problem, problems_in
+from paretoik.fingerprint.fingerprint import fingerprint
+from paretoik.loading import load_problem, problems_in
 from tests.api.problems import PATH, tracking
 
 ROOT = Path(__file__).parents[1]
 SIMPLE = '''
+from functools import cache
+from os import abort, getcwd
 from pymoo.problems.multi.zdt import ZDT1
 
 def small() -> ZDT1:
@@ -39,6 +42,16 @@ def broken() -> ZDT1:
     return 1 / 0
 
 ready = ZDT1(n_var=6)
+
+@cache
+def remembered():
+    return ZDT1(n_var=8)
+
+class Callable:
+    def __call__(self):
+        raise AssertionError("called")
+
+called = Callable()
 _hidden = ZDT1(n_var=7)
 '''
 
@@ -74,7 +87,9 @@ def test_a_file_offers_its_own_problems_with_the_first_line_of_their_documentati
     assert problems["sized"] == ""
 
 
-@pytest.mark.parametrize(("name", "genes"), [("small", 3), ("sized", 4), ("unsaid", 5), ("ready", 6), ("ZDT1", 30)])
+@pytest.mark.parametrize(
+    ("name", "genes"), [("small", 3), ("sized", 4), ("unsaid", 5), ("ready", 6), ("ZDT1", 30), ("remembered", 8)]
+)
 def test_objects_functions_and_classes_without_required_arguments_are_problems(file, name, genes):
     assert load_problem(f"{file('simple.py', SIMPLE)}:{name}").n_var == genes
 
@@ -86,12 +101,24 @@ def test_objects_functions_and_classes_without_required_arguments_are_problems(f
         ("x", "got 'x'$"),
         ("needy", "wanted a function without arguments, got one that needs genes"),
         ("text", "wanted a pymoo problem or a function that returns one, got 'no problem'"),
-        ("broken", r"wanted to build it, got ZeroDivisionError in line 24: division by zero"),
+        ("broken", r"wanted to build it, got ZeroDivisionError in line 26: division by zero"),
     ],
 )
 def test_a_name_that_is_no_problem_is_refused_with_the_reason(file, name, words):
     with pytest.raises(InvalidInput, match=words):
         load_problem(f"{file('simple.py', SIMPLE)}:{name}")
+
+
+@pytest.mark.parametrize("name", ["abort", "getcwd", "called", "Callable", "cache"])
+def test_what_is_neither_the_files_own_function_nor_says_that_it_makes_a_problem_is_not_called(file, name):
+    with pytest.raises(InvalidInput, match="wanted a pymoo problem or a function that returns one, got <"):
+        load_problem(f"{file('simple.py', SIMPLE)}:{name}")
+
+
+@pytest.mark.parametrize("reference", ["os:abort", "os:getcwd", "sys:exit"])
+def test_functions_of_other_modules_are_not_called(reference):
+    with pytest.raises(InvalidInput, match="wanted"):
+        load_problem(reference)
 
 
 @pytest.mark.parametrize("reference", ["", "mine.py", ":name", "mine.py:", "name"])

@@ -11,10 +11,10 @@ from jaxtyping import Float, Int
 
 from paretoik.api.progress import Observer, count_observer
 from paretoik.arrays import Genes, Ids, Point, Points
+from paretoik.fingerprint.fingerprint import fingerprint
 from paretoik.formulations.protocol import Differentiable, Individuals
 from paretoik.front.certificates import Certificates
 from paretoik.front.front import Front
-from paretoik.loading import fingerprint
 from paretoik.nlp.program import Solver
 from paretoik.pareto.certificates import certify
 from paretoik.pareto.gap_filling import front_rows

@@ -101,7 +101,7 @@ def _one_motion(motion: Choice | Motion) -> tuple[Motion, dict[str, Any]]:
         if motion is not None and not isinstance(motion, Motion):
             raise InvalidInput(
                 "motion: a choice whose front knows its arm wanted, got one without; open the run with its problem: "
-                "pk.load_front(folder, problem)"
+                "pk.load_front(folder, problem), or --problem FILE.py:NAME"
             )
     if not isinstance(motion, Motion):
         raise InvalidInput(f"motion: a Motion or the Choice of one wanted, got {motion!r}")

@@ -10,11 +10,11 @@ import numpy as np
 
 from paretoik.arrays import Genes, Points
 from paretoik.errors import InvalidInput
+from paretoik.fingerprint.fingerprint import fingerprint
 from paretoik.formulations.protocol import Differentiable, encode
 from paretoik.front.front import Front
 from paretoik.front.indicators import ranges_of
 from paretoik.journal import key_of, recalled, remembered
-from paretoik.loading import fingerprint
 from paretoik.pareto.warm_start import OPTIONS as WARM_STARTS
 from paretoik.pareto.warm_start import evaluate_points
 from paretoik.search.seeding import checked_genes

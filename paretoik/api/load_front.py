@@ -7,34 +7,41 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from paretoik.errors import InvalidInput, ParetoikError
+from paretoik.api.run_problem import problem_of_run
+from paretoik.errors import ParetoikError
+from paretoik.fingerprint.fingerprint import check_fingerprint
 from paretoik.formulations.protocol import restore_motions
 from paretoik.front.front import Front
 from paretoik.front.subset import attach
 from paretoik.inputs import file_path
-from paretoik.loading import fingerprint, load_problem
 
 
 def load_front(folder: str | Path, problem: Any = None) -> Front:
-    """Return the front of a run folder; its motions are whole where ``problem``, or the one the run names, can be had.
+    """Return the front of a run folder; its motions are whole where its problem is at hand.
+
+    That is ``problem``, which may also be its name, "FILE.py:NAME". Without one it is the problem that the run names,
+    where its file lies below the current folder and not beside the run: what a run names is not run for others. Where
+    it cannot be had, motions have joint positions alone, with a warning.
 
     Raises
     ------
     InvalidRun
         Where the folder is no run, or damaged.
     InvalidInput
-        Where ``problem`` is not the one that the run solved.
+        Where ``problem`` is not the one that the run solved, or cannot be loaded.
     """
     folder = file_path("folder", folder)
     front = Front.load(folder)
-    reference = front.provenance.get("problem")
-    if problem is None and reference is not None:
-        try:
-            problem = load_problem(str(reference))
-        except ParetoikError as error:
-            warnings.warn(f"{folder}: motions come without their arm: {error}", RuntimeWarning, stacklevel=2)
-    if problem is None:
+    try:
+        whole = problem_of_run(folder, front.provenance.get("problem"), problem)
+        if whole is None:
+            return front
+        wish = f"{folder}: wants the problem that the run solved"
+        check_fingerprint(whole, front.provenance.get("fingerprint"), wish=wish)
+    except ParetoikError as error:
+        if problem is not None:
+            raise
+        cause = str(error).removeprefix(f"{folder}: ")
+        warnings.warn(f"{folder}: motions come without their arm: {cause}", RuntimeWarning, stacklevel=2)
         return front
-    if fingerprint(problem) != front.provenance.get("fingerprint"):
-        raise InvalidInput(f"{folder}: wants the problem that the run solved, but its fingerprint is another")
-    return attach(replace(front, motions=restore_motions(problem, front), problem=problem), front.folder)
+    return attach(replace(front, motions=restore_motions(whole, front), problem=whole), front.folder)

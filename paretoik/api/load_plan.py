@@ -7,15 +7,19 @@ from pathlib import Path
 from typing import Any
 
 from paretoik.api.plan_storage import read_plan
+from paretoik.api.run_problem import problem_of_run
 from paretoik.errors import InvalidInput, InvalidRun
+from paretoik.fingerprint.fingerprint import check_fingerprint
 from paretoik.formulations.protocol import motions_of_task
 from paretoik.inputs import file_path
-from paretoik.loading import fingerprint, load_problem
 from paretoik.trajectory.plan import Optimum, Plan
 
 
 def load_plan(folder: str | Path, problem: Any = None) -> Plan:
-    """Return the plan of a run folder, its motions with the arm of ``problem``, by default the one that the run names.
+    """Return the plan of a run folder, its motions with the arm of ``problem``.
+
+    That may be a problem or its name, "FILE.py:NAME"; by default it is the one that the run names, as ``load_front``
+    has it.
 
     Raises
     ------
@@ -26,12 +30,10 @@ def load_plan(folder: str | Path, problem: Any = None) -> Plan:
     """
     folder = file_path("folder", folder)
     run, columns, stored = read_plan(folder)
+    problem = problem_of_run(folder, run.get("problem"), problem)
     if problem is None:
-        if run.get("problem") is None:
-            raise InvalidInput(f"{folder}: the problem wanted that was planned; load_plan(folder, problem) names it")
-        problem = load_problem(str(run["problem"]))
-    if fingerprint(problem) != run.get("fingerprint"):
-        raise InvalidInput(f"{folder}: wants the problem that was planned, but its fingerprint is another")
+        raise InvalidInput(f"{folder}: the problem wanted that was planned; load_plan(folder, problem) names it")
+    check_fingerprint(problem, run.get("fingerprint"), wish=f"{folder}: wants the problem that was planned")
     motions = motions_of_task(problem.task, stored)
     if motions is None:
         raise InvalidRun(f"{folder}: wanted motions at the samples of the problem, got others")

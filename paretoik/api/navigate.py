@@ -27,19 +27,20 @@ def navigate(
     to: float | None = None,
     out: str | Path | None = None,
     overwrite: bool = False,
+    problem: Any = None,
 ) -> tuple[Front, Choice, Path]:
     """Return the front of a run with a new certified point, that point, and the folder that holds them now.
 
     That is the run itself, which loses nothing: where former points are dominated by the new one, they stay there and
-    the new front goes into a folder beside it. ``out`` names another folder, ``overwrite`` replaces a run there; the
-    other arguments are those of ``Front.navigate``.
+    the new front goes into a folder beside it. ``out`` names another folder, ``overwrite`` replaces a run there;
+    ``problem`` is as for ``load_front``, the other arguments are those of ``Front.navigate``.
 
     Raises InvalidInput for a run or a folder that cannot be used, and as ``Front.navigate`` does.
     """
     folder = file_path("run", run)
     if out is not None:
         check_other_folder("out", file_path("out", out), folder)
-    front = load_front(folder)
+    front = load_front(folder, problem)
     with verb_session(False), _place(folder, out, overwrite) as place:
         moved = front.navigate(point, improve=improve, allow=allow, hold=hold, by=by, to=to)
         choice = moved.navigated

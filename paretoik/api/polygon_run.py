@@ -9,8 +9,8 @@ import numpy as np
 
 from paretoik.api.run_session import Subject
 from paretoik.capability.directional import DirectionalQuery, PerformancePolygon
+from paretoik.fingerprint.fingerprint import fingerprint
 from paretoik.front.storage import array_bytes
-from paretoik.loading import digest_of
 from paretoik.run_files import POLYGON, write_result
 
 HOLDS = f"directional maxima, their arrays in {POLYGON}"
@@ -19,11 +19,7 @@ ARRAYS = ("position", "directions", "values", "q", "dq", "torque", "motor_speeds
 
 def polygon_subject(query: DirectionalQuery) -> Subject:
     """Return what is asked for as the subject of a run."""
-    arm, drive = query.arm, query.actuation
-    parts: list[object] = [query.position, query.directions, query.quantity, arm.joint_names, arm.gravity]
-    parts += [arm.position_limits, arm.tool.position, type(drive).__name__, drive.table]
-    title = f"directional maxima of {arm.name}"
-    return Subject(title=title, fingerprint=digest_of(title, parts))
+    return Subject(title=f"directional maxima of {query.arm.name}", fingerprint=fingerprint(query))
 
 
 def polygon_counts(polygon: PerformancePolygon, seconds: float) -> dict[str, Any]:

@@ -21,12 +21,12 @@ from paretoik.arrays import Genes, Ids, Points
 from paretoik.errors import InvalidInput
 from paretoik.execution.run_folder import check_other_folder
 from paretoik.execution.time_limit import check_time_limit
+from paretoik.fingerprint.fingerprint import check_fingerprint
 from paretoik.formulations.protocol import Differentiable
 from paretoik.formulations.requirements import require_program
 from paretoik.front.front import Front
 from paretoik.front.indicators import ranges_of
 from paretoik.inputs import check_flag, file_path
-from paretoik.loading import fingerprint
 from paretoik.nlp.minimise import check_solver
 from paretoik.nlp.program import Solver
 from paretoik.pareto.improver import OPTIONS, suggest_points
@@ -182,8 +182,8 @@ def _check_front(front: Front, formulation: Differentiable, problem: Any) -> Non
     if tuple(formulation.names) != tuple(front.names):
         raise InvalidInput(f"refine: a problem with objectives {', '.join(front.names)} wanted, got another")
     stored = front.provenance.get("fingerprint")
-    if stored is not None and stored != fingerprint(problem):
-        raise InvalidInput("refine: the problem that the front solves wanted, but its fingerprint is another")
+    if stored is not None:
+        check_fingerprint(problem, stored, wish="refine: the problem that the front solves wanted")
 
 
 class SearchImprover:

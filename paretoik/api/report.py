@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -22,19 +23,22 @@ from paretoik.run_files import PAGE_MARK, REPORT, STEPS, check_target
 STEP_PARTS = ("chosen", "best", "worst")  # columns of a closed loop's table of steps
 
 
-def report(front: Front | Path | str, file: Path | str | None = None, *, overwrite: bool = False) -> Path:
+def report(
+    front: Front | Path | str, file: Path | str | None = None, *, overwrite: bool = False, problem: Any = None
+) -> Path:
     """Write a report of ``front``, or of the run in a folder, into ``file``, and return where it is.
 
     One HTML page of at most 5 MB that loads nothing: the front with ids, every point's motion as far as there is room,
     certificates, exchange rates, choices, settings and versions, of a closed loop its steps. Where no file is named it
     goes into the folder of the run, also that of a front that was loaded from one or saved into one. Another report
-    there is replaced, any other file with ``overwrite`` only.
+    there is replaced, any other file with ``overwrite`` only. ``problem`` is that of a folder's run, as for
+    ``load_front``.
 
     Raises InvalidInput where a front without a folder comes without a file, or the file cannot be written; InvalidRun
     for a folder that holds no run, or a damaged one.
     """
     if not isinstance(front, Front):
-        front = load_front(file_path("folder", front))
+        front = load_front(file_path("folder", front), problem)
     if file is not None:
         place = file_path("file", file)
     elif front.folder is not None:
@@ -62,7 +66,7 @@ def _notes(front: Front) -> list[str]:
     if isinstance(front.motions, StoredMotions):
         notes.append(
             "Of motions there are joint positions alone, as the problem is not at hand: "
-            "pk.report(pk.load_front(folder, problem)) shows the rest."
+            "pk.report(folder, problem=problem), or --problem FILE.py:NAME, shows the rest."
         )
     return [note for note in (*notes, gap_text(front), describe_limits_between(front)) if note]
 

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from paretoik.api.run_session import Subject
+from paretoik.fingerprint.fingerprint import fingerprint
 from paretoik.front.joint_motions import StoredJoints, StoredMotions
 from paretoik.front.storage import array_bytes, motion_arrays
-from paretoik.loading import digest_of
 from paretoik.resolution.method import Criterion, Method
 from paretoik.resolution.resolve import Resolution
 from paretoik.resolution.traces import ResolvedMotion
@@ -34,12 +34,8 @@ def resolution_settings(resolution: Resolution, seed: int) -> dict[str, Any]:
 
 def resolution_subject(resolution: Resolution) -> Subject:
     """Return what is resolved as the subject of a run."""
-    task, arm = resolution.task, resolution.task.arm
-    parts: list[object] = [task.targets, task.times, arm.joint_names, arm.position_limits, resolution.starts]
-    parts += [resolution.unreachable, resolution.tolerance, method_settings(resolution.method), task.link_radius]
-    parts += [*task.obstacles, *(bounds for _, bounds in sorted(task.bounds.items()))]
-    title = f"{type(resolution.method).__name__} of {arm.name}"
-    return Subject(title=title, fingerprint=digest_of(title, parts))
+    title = f"{type(resolution.method).__name__} of {resolution.task.arm.name}"
+    return Subject(title=title, fingerprint=fingerprint(resolution))
 
 
 def method_settings(method: Method) -> dict[str, Any]:

@@ -13,17 +13,18 @@ from paretoik.api.epsilon_front import epsilon_front
 from paretoik.api.plan import plan
 from paretoik.api.progress import Observer
 from paretoik.api.refine import refine
+from paretoik.api.run_problem import problem_of_run
 from paretoik.api.run_session import SOURCE, StoppedRun, versions
 from paretoik.api.solve import solve
 from paretoik.errors import InvalidInput, InvalidRun
 from paretoik.execution.run_folder import reclaim_folder
+from paretoik.fingerprint.fingerprint import check_fingerprint
 from paretoik.formulations.protocol import restore_motions, timeline
 from paretoik.front.front import Front
 from paretoik.front.preferences.weights import Weights
 from paretoik.front.subset import attach
 from paretoik.inputs import file_path
 from paretoik.journal import journalled
-from paretoik.loading import fingerprint, load_problem
 from paretoik.run_files import CHECKPOINT, JOURNAL, RUN, can_resume, read_run
 from paretoik.trajectory.plan import Plan
 
@@ -49,7 +50,7 @@ def resume(
     folder
         Folder of a run of ``solve``, ``plan``, ``epsilon_front`` or ``refine``.
     problem
-        What the run solves: by default the one that it names.
+        What the run solves, or its name, "FILE.py:NAME"; by default what the run names, as ``load_front`` has it.
     algorithm
         The pymoo algorithm, with the same settings, of a run of ``solve`` that was given one.
     time_limit
@@ -83,12 +84,10 @@ def _call(folder: Path, problem: Any, algorithm: Any) -> tuple[Callable[..., Fro
             f"{run.get('status')!r} with nothing to go on from"
         )
     _check_versions(folder, run)
+    problem = problem_of_run(folder, run.get("problem"), problem)
     if problem is None:
-        if run.get("problem") is None:
-            raise InvalidInput(f"{folder}: the problem wanted that the run solves; resume(folder, problem) names it")
-        problem = load_problem(str(run["problem"]))
-    if fingerprint(problem) != run.get("fingerprint"):
-        raise InvalidInput(f"{folder}: wants the problem that the run solves, but its fingerprint is another")
+        raise InvalidInput(f"{folder}: the problem wanted that the run solves; resume(folder, problem) names it")
+    check_fingerprint(problem, run.get("fingerprint"), wish=f"{folder}: wants the problem that the run solves")
     arguments = {"problem": problem, "reference": run.get("problem"), **run["settings"]}
     del arguments["time_limit"]
     match run.get("verb"):

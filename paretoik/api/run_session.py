@@ -18,11 +18,11 @@ from paretoik.errors import InvalidInput, SolverFailed
 from paretoik.execution.interrupts import Interruption, interruptible
 from paretoik.execution.run_folder import claim_folder
 from paretoik.execution.time_limit import TimeLimit, time_limit
+from paretoik.fingerprint.fingerprint import fingerprint
 from paretoik.formulations.protocol import Timeline
 from paretoik.front.front import Front
 from paretoik.inputs import check_flag, file_path
 from paretoik.journal import journalled
-from paretoik.loading import fingerprint
 from paretoik.review.recording.recorder import Recorder, Scene, SearchedFront
 from paretoik.review.recording.workcell import Workcell
 from paretoik.run_files import CHECKPOINT, JOURNAL, RECORDING, STOPPED, has_result, write_run

@@ -38,7 +38,10 @@ def select(
     """
     preference = as_preference(preference)
     if front.problem is None and is_loop(front):
-        raise InvalidInput("select: wants the closed loop that the run followed, but its problem cannot be loaded")
+        raise InvalidInput(
+            "select: wants the closed loop that the run followed, but its problem is not at hand: "
+            "load_front(run, problem), or --problem FILE.py:NAME"
+        )
     problem = reweigh(front.problem, front, preference)
     if problem is None:
         if out is not None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from paretoik.cli.console import JsonFlag, RunFolder, print_json, stdout_for_results
+from paretoik.cli.options import RunProblem
 from paretoik.errors import InvalidInput
 
 if TYPE_CHECKING:  # so that the command line starts quickly
@@ -49,6 +50,7 @@ def export(
     joints: Annotated[
         str | None, typer.Option(help="Order of the joints: NAME,NAME (the arm's).", show_default=False)
     ] = None,
+    problem: RunProblem = None,
     overwrite: Annotated[bool, typer.Option(help="Replace a file that is there.")] = False,
     as_json: JsonFlag = False,
 ) -> None:
@@ -60,7 +62,7 @@ def export(
         from paretoik.api.export import export as export_motion
         from paretoik.api.plan_storage import holds_plan
 
-        id, motion, about = _optimum(run, point) if holds_plan(run) else _point(run, point)
+        id, motion, about = (_optimum if holds_plan(run) else _point)(run, point, problem)
         place = out or run / f"point-{id}{ENDINGS[format or 'csv']}"
         trajectory = export_motion(
             motion,
@@ -83,12 +85,12 @@ def export(
         print(_text(trajectory, place))
 
 
-def _point(run: Path, point: int | None) -> tuple[int, Choice, dict[str, Any]]:
+def _point(run: Path, point: int | None, problem: str | None) -> tuple[int, Choice, dict[str, Any]]:
     """Return a point of a front, or the present choice, and what is said of it; raises InvalidInput for none."""
     from paretoik.api.load_front import load_front
     from paretoik.front.choices import chosen
 
-    front = load_front(run)
+    front = load_front(run, problem)
     choice = chosen(front) if point is None else front[point]
     if choice is None:
         raise InvalidInput("--point: the id of a point wanted, got none, and paretoik select has kept no choice")
@@ -99,12 +101,12 @@ def _point(run: Path, point: int | None) -> tuple[int, Choice, dict[str, Any]]:
     return choice.id, choice, {"problem": front.provenance.get("problem"), "objectives": objectives}
 
 
-def _optimum(run: Path, point: int | None) -> tuple[int, Motion, dict[str, Any]]:
+def _optimum(run: Path, point: int | None, problem: str | None) -> tuple[int, Motion, dict[str, Any]]:
     """Return an optimum of a plan, or the best, and what is said of it; raises InvalidInput for none."""
     from paretoik.api.load_plan import load_plan
     from paretoik.run_files import RUN, read_run
 
-    plan, id = load_plan(run), 0 if point is None else point
+    plan, id = load_plan(run, problem), 0 if point is None else point
     if not 0 <= id < len(plan.optima):
         raise InvalidInput(f"--point: an optimum from 0 to {len(plan.optima) - 1} wanted, got {id}")
     optimum, objective = plan.optima[id], read_run(run / RUN)["objective"]

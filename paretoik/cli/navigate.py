@@ -9,6 +9,7 @@ import typer
 
 from paretoik.api.result_text import choice_text, entries
 from paretoik.cli.console import JsonFlag, RunFolder, print_json, stdout_for_results
+from paretoik.cli.options import RunProblem
 
 
 def navigate(
@@ -25,6 +26,7 @@ def navigate(
     to: Annotated[float | None, typer.Option(help="To which value, in its unit, in place of --by.")] = None,
     out: Annotated[Path | None, typer.Option(help="Keep the new front in this folder, not in the run.")] = None,
     overwrite: Annotated[bool, typer.Option(help="Replace a run that is in that folder.")] = False,
+    problem: RunProblem = None,
     as_json: JsonFlag = False,
 ) -> None:
     """Move from one point of a front to a new certified one that is better in an objective; the run gains it.
@@ -36,7 +38,16 @@ def navigate(
         from paretoik.front.provenance import NAVIGATIONS
 
         front, choice, place = move(
-            run, point, improve=improve, allow=allow, hold=hold or (), by=by, to=to, out=out, overwrite=overwrite
+            run,
+            point,
+            improve=improve,
+            allow=allow,
+            hold=hold or (),
+            by=by,
+            to=to,
+            out=out,
+            overwrite=overwrite,
+            problem=problem,
         )
     if as_json:
         print_json({**entries(front)[choice.index], **front.provenance[NAVIGATIONS][-1], "out": place})

@@ -9,6 +9,15 @@ import typer
 
 SolverName: TypeAlias = Literal["auto", "interior-point", "sqp"]
 Problem = Annotated[str, typer.Argument(help="FILE.py:NAME or package.module:NAME", show_default=False)]
+RunProblem = Annotated[
+    str | None,
+    typer.Option(
+        "--problem",
+        help="The run's problem, FILE.py:NAME, whose file is run (what the run names, if that is this project's).",
+        metavar="FILE.py:NAME",
+        show_default=False,
+    ),
+]
 OutFolder = Annotated[Path, typer.Option(help="Folder to keep the run in.", show_default=False)]
 Starts = Annotated[
     int | None,

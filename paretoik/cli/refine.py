@@ -6,7 +6,7 @@ from pathlib import Path
 
 from paretoik.api.progress_display import open_observer
 from paretoik.cli.console import JsonFlag, QuietFlag, RunFolder, finish_front, stdout_for_results
-from paretoik.cli.options import OutFolder, Overwrite, SolverOption, TimeLimit
+from paretoik.cli.options import OutFolder, Overwrite, RunProblem, SolverOption, TimeLimit
 from paretoik.errors import InvalidInput
 from paretoik.front.front import Front
 
@@ -14,6 +14,7 @@ from paretoik.front.front import Front
 def refine(
     run: RunFolder,
     out: OutFolder,
+    problem: RunProblem = None,
     solver: SolverOption = "auto",
     time_limit: TimeLimit = None,
     overwrite: Overwrite = False,
@@ -28,7 +29,7 @@ def refine(
         from paretoik.api.refine import refine as refine_front
 
         result = refine_front(
-            _open(run),
+            _open(run, problem),
             solver=solver,
             out=out,
             time_limit=time_limit,
@@ -38,15 +39,15 @@ def refine(
     finish_front(result, out, as_json=as_json)
 
 
-def _open(run: Path) -> Front:
+def _open(run: Path, problem: str | None) -> Front:
     """Return the front of a run with its problem; raises InvalidInput where that cannot be had."""
     from paretoik.api.load_front import load_front
-    from paretoik.loading import load_problem
+    from paretoik.api.run_problem import problem_of_run
 
-    reference = Front.load(run).provenance.get("problem")
-    if reference is None:
+    whole = problem_of_run(run, Front.load(run).provenance.get("problem"), problem)
+    if whole is None:
         raise InvalidInput(
-            f"{run}: wants a run that names its problem, got one made without reference=; refine it in Python by "
-            "paretoik.refine(load_front(run), problem)"
+            f"{run}: wants a run that names its problem, got one made without reference=; --problem FILE.py:NAME does "
+            "it, or in Python paretoik.refine(load_front(run), problem)"
         )
-    return load_front(run, load_problem(str(reference)))
+    return load_front(run, whole)

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from paretoik.cli.console import JsonFlag, RunFolder, print_json, stdout_for_results
+from paretoik.cli.options import RunProblem
 
 
 def report(
@@ -15,6 +16,7 @@ def report(
     out: Annotated[
         Path | None, typer.Option(help="HTML file to write; report.html in the run's folder.", show_default=False)
     ] = None,
+    problem: RunProblem = None,
     overwrite: Annotated[bool, typer.Option(help="Replace a file that is no report.")] = False,
     as_json: JsonFlag = False,
 ) -> None:
@@ -22,7 +24,7 @@ def report(
     with stdout_for_results():
         from paretoik.api.report import report as write_report
 
-        file = write_report(run, out, overwrite=overwrite)
+        file = write_report(run, out, overwrite=overwrite, problem=problem)
     if as_json:
         print_json({"out": file})
     else:

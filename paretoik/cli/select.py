@@ -11,6 +11,7 @@ import typer
 
 from paretoik.api.progress_display import open_observer
 from paretoik.cli.console import JsonFlag, QuietFlag, RunFolder, exit_code, print_json, stdout_for_results
+from paretoik.cli.options import RunProblem
 from paretoik.errors import InvalidInput
 from paretoik.run_files import PICTURE_MARK, check_target
 
@@ -71,6 +72,7 @@ def select(
     overwrite: Annotated[
         bool, typer.Option(help="Replace a run in that folder, or a file that is no picture of ours.")
     ] = False,
+    problem: RunProblem = None,
     quiet: QuietFlag = False,
     as_json: JsonFlag = False,
 ) -> None:
@@ -104,7 +106,7 @@ def select(
         from paretoik.cli.preference_arguments import read_preference
 
         preference = read_preference(wishes, run=run)
-        front = load_front(run)
+        front = load_front(run, problem)
         with open_observer(not quiet) as observe:
             selected, choice = select_point(front, preference, out=out, overwrite=overwrite, observe=observe or False)
         if picture is not None:

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from paretoik.cli.console import RunFolder
+from paretoik.cli.options import RunProblem
 from paretoik.errors import InvalidInput
 from paretoik.run_files import DRAWING, RECORDING, RUN, is_run, read_run
 
@@ -22,6 +23,7 @@ def show(
     compare: Annotated[
         int | None, typer.Option(help="Show the motion of another point beside it, on a common time.", metavar="ID")
     ] = None,
+    problem: RunProblem = None,
 ) -> None:
     """Open the recording of a run in the Rerun viewer.
 
@@ -32,7 +34,7 @@ def show(
         raise InvalidInput(f"{recording}: wanted a recording, got {_contents(run)}")
     with tempfile.TemporaryDirectory(prefix="paretoik-show-") as folder:
         layer = Path(folder) / "choice.rrd"
-        _open(recording, *_layers(run, recording, layer, point, compare))
+        _open(recording, *_layers(run, recording, layer, point, compare, problem))
 
 
 def _contents(run: Path) -> str:
@@ -44,7 +46,9 @@ def _contents(run: Path) -> str:
     return f"a run that holds {holds}{picture}"
 
 
-def _layers(run: Path, recording: Path, layer: Path, point: int | None, compare: int | None) -> list[str]:
+def _layers(
+    run: Path, recording: Path, layer: Path, point: int | None, compare: int | None, problem: str | None
+) -> list[str]:
     """Write a layer with the points asked for, or the present choice; return it, nothing where there is none."""
     from paretoik.front.choices import read_choices
 
@@ -56,7 +60,7 @@ def _layers(run: Path, recording: Path, layer: Path, point: int | None, compare:
     from paretoik.front.compromise import compromise
     from paretoik.review.drawing.choice_layer import write_choice_layer
 
-    front = load_front(run)
+    front = load_front(run, problem)
     if is_loop(front):
         if point is not None or compare is not None:
             raise InvalidInput("point: a run with a front wanted, got a closed loop, whose only motion is shown anyhow")

@@ -83,6 +83,7 @@ class ClosedLoop:
     """
 
     timeline: Timeline = "step"
+    search_attributes = ("weights", "_given_start", "population", "generations", "seed")  # ``changed`` changes them
     __repr__ = loop_text
     _repr_html_ = html_representation
 
@@ -179,13 +180,6 @@ class ClosedLoop:
     def n_var(self) -> int:
         """Number of genes in a step's search."""
         return self.task.redundancy * (self.task.arm.dof + 1)
-
-    def fingerprint_parts(self) -> list[object]:
-        """Return what defines the loop, except weights and the settings of its search."""
-        task = self.task
-        parts: list[object] = [task.targets, task.times, task.arm.joint_names, self.names, self.signs, self.longest]
-        parts += [task.obstacles, task.link_radius, task.min_clearance]
-        return parts + [bounds for _, bounds in sorted(task.bounds.items())]
 
     @cached_property
     def programs(self) -> StepPrograms:

@@ -140,11 +140,6 @@ class DenseFormulation(Problem):  # type: ignore[misc]  # pymoo is not typed
             for row, k in zip(G, G.argmax(axis=1), strict=True)
         ]
 
-    def arm_fingerprint(self) -> list[object]:
-        """Return what of the arm makes genes mean what they mean."""
-        bodies = [np.concatenate([[body.mass], body.center]) for body in self.arm.bodies]
-        return [self.arm.position_limits, self.arm.joint_names, self.arm.gravity, self.arm.tool.position, *bodies]
-
 
 def front_sliders(actuation: Actuation, shares: np.ndarray) -> np.ndarray:
     """Return front sliders [m] at shares (..., dof) of their way; 0 where motors are at the joints."""

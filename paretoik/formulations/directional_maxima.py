@@ -98,6 +98,7 @@ class DirectionalMaxima(DenseFormulation):
         As ``directional_maxima`` does.
     """
 
+    computed_attributes = ("bases", "sizes")
     constraint_names: tuple[str, ...] = ("position", "joint limits", "motors", "sliders", "shares of joints")
     constraint_units: tuple[str, ...] = ("", "rad or m", "", "of the rod", "of the mean range of speeds")
 
@@ -258,11 +259,6 @@ class DirectionalMaxima(DenseFormulation):
         genes += [pace, joint_shares.reshape(len(q), math.prod(joint_shares.shape[1:]))]
         clipped: Genes = np.clip(np.concatenate(genes, axis=1), self.xl, self.xu)
         return clipped
-
-    def fingerprint_parts(self) -> list[object]:
-        """Return what makes genes mean what they mean: arm, motors, position, directions, bases."""
-        parts = [self.actuation.table, self.position, self.directions, self.bases, self.names, self.constraint_names]
-        return [*parts, *self.arm_fingerprint()]
 
     @cached_property
     def _unscaled(self) -> DirectionalProgram:

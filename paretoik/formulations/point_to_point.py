@@ -90,6 +90,7 @@ class PointToPoint(DenseFormulation):
         Where motors can hold the arm along no path, naming joint, torque and limit.
     """
 
+    computed_attributes = ("initial_paths",)
     constraint_names: tuple[str, ...] = ("ends", "joint limits", "motors", "sliders")
     constraint_units: tuple[str, ...] = ("times what is accepted", "rad or m", "of what they can bear", "of the rod")
 
@@ -240,12 +241,6 @@ class PointToPoint(DenseFormulation):
             longest, steps = OPTIONS.longest_interval, len(paths.spline) - 1
             rows[::2, -steps:] = longest ** rng.uniform(-1.0, 0.0, (len(rows[::2]), 1))
         return np.clip(rows, self.xl, self.xu)
-
-    def fingerprint_parts(self) -> list[object]:
-        """Return what makes genes mean what they mean: arm, motors, ends and bases."""
-        paths = self.initial_paths
-        parts = [self.actuation.table, self.start, self.target, paths.q, paths.spline, self.names, self.maximised]
-        return [*parts, self.constraint_names, *self.arm_fingerprint()]
 
     @cached_property
     def _ends(self) -> tuple[MotionTask, MotionTask]:

@@ -117,13 +117,6 @@ class Posture(Problem):  # type: ignore[misc]  # pymoo is not typed
         """Return for each individual why it is infeasible, in words; "" where it is feasible."""
         return [self.task.describe_violation(motion) for motion in self.decode(genes)]
 
-    def fingerprint_parts(self) -> list[object]:
-        """Return what the problem is made of: arm, target, obstacles, limits, and functions by name."""
-        task = self.task
-        parts: list[object] = [task.arm.joint_names, task.targets[0], self.xl, self.xu, self.names, self.maximised]
-        parts += [task.limit_names, task.obstacles, task.link_radius, task.min_clearance]
-        return parts + [bounds for _, bounds in sorted(task.bounds.items())]
-
     def _evaluate(self, X: Genes, out: dict[str, object], *args: object, **kwargs: object) -> None:
         task = self.task
         error = task_errors(task.arm, task.tasks, X, task.targets[0])[0]

@@ -9,7 +9,9 @@ part                                     what it makes possible
 =======================================  ===========================================================================
 ``names, units, maximised``              named objectives in the user's own sign; without: f1, f2, ... minimised
 ``constraint_names, explain(genes)``     the limit that binds, by name, and why genes are infeasible, in words
-``fingerprint_parts()``                  a run is recognised as this problem's; without: its bounds
+``computed_attributes``                  names of what follows from other attributes: in fingerprints, by which a
+                                         run is recognised as the problem's, it is rounded
+``search_attributes``                    names of what does not count there: how solutions are searched for
 ``decode(genes), encode(motions)``       motions of a front; starting from motions
 ``task``                                 motions of a stored run with their arm
 all of ``Differentiable``                ``refine``, ``epsilon_front`` and certificates; a formulation without has

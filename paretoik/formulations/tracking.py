@@ -101,6 +101,7 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
 
     task: MotionTask
     encoding: Encoding
+    computed_attributes = ("_rollouts", "encoding")
     species_gene = 0  # it names the base motion
     navigate = navigate
 
@@ -272,13 +273,6 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
     def self_motion_samples(self, count: int, rng: np.random.Generator) -> Genes:
         """Return genes of ``count`` smooth motions near the bases, every base in turn, the bases themselves first."""
         return self.encoding.sample(count, rng)
-
-    def fingerprint_parts(self) -> list[object]:
-        """Return what makes genes mean what they mean: the charts, the task, the objectives and the limits."""
-        task, chart = self.task, self.encoding.charts
-        parts: list[object] = [chart.base, self.encoding.radius, self.encoding.spline, task.targets, task.times]
-        parts += [task.arm.joint_names, task.differences, task.cyclic, self.names, self.maximised, task.limit_names]
-        return parts + [bounds for _, bounds in sorted(task.bounds.items())]
 
     def explain(self, genes: Genes) -> list[str]:
         """Return for each individual why it is infeasible, in words; "" where it is feasible."""

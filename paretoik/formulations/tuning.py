@@ -9,8 +9,8 @@ choose these by hand; that they are searched for, and by several objectives, is 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -89,6 +89,8 @@ class Tuning(Problem):  # type: ignore[misc]  # pymoo is not typed
     InvalidInput
         Naming what cannot be used; OutOfReach where the path's first sample is.
     """
+
+    computed_attributes = ("starts",)
 
     def __init__(
         self,
@@ -173,14 +175,6 @@ class Tuning(Problem):  # type: ignore[misc]  # pymoo is not typed
             return f"{(1 + violations[0]) * self.tolerance:.3g} m or rad off the path"
         return f"{self.constraint_names[worst]} is violated by {100 * violations[worst]:.3g} % of its range"
 
-    def fingerprint_parts(self) -> list[object]:
-        """Return what makes genes mean what they mean: the starts, the task, the method, its ranges, the judging."""
-        task, arm = self.task, self.task.arm
-        parts: list[object] = [self.starts, task.targets, task.times, arm.joint_names, self.names, self.maximised]
-        parts += [arm.position_limits, arm.velocity_limits, task.link_radius, *task.obstacles, *self.parameters]
-        parts += [self.judged_starts, self.judged_by, self.tolerance]
-        return parts + _identity_parts([self.resolver, *task.objectives, *task.constraints])
-
     def _follow(self, genes: Genes, indices: Int[np.ndarray, "points judged"]) -> ResolvedMotion:
         """Return the motions (points · judged, time, dof) of individuals from their starts."""
         method = self.method(np.repeat(genes, indices.shape[1], axis=0))
@@ -254,17 +248,3 @@ def _checked_parameters(
     if len(set(names)) != len(names):
         raise InvalidInput(f"parameters: each number once wanted, got {', '.join(names)}")
     return tuple(chosen)
-
-
-def _identity_parts(value: Any) -> list[object]:
-    """Return arrays, numbers and names that make up dataclasses, sequences and functions."""
-    if is_dataclass(value) and not isinstance(value, type):
-        parts = [part for each in fields(value) for part in (each.name, *_identity_parts(getattr(value, each.name)))]
-        return [type(value).__name__, *parts]
-    if isinstance(value, Mapping):
-        return [part for key, each in value.items() for part in (str(key), *_identity_parts(each))]
-    if isinstance(value, Sequence) and not isinstance(value, str):
-        return [part for each in value for part in _identity_parts(each)]
-    if isinstance(value, np.ndarray | str | int | float | None):
-        return [value]
-    return [getattr(value, "__qualname__", type(value).__name__)]

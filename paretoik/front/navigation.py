@@ -140,7 +140,10 @@ def _places(value: np.ndarray, values: np.ndarray, points: int) -> list[tuple[in
 
 def _mover(front: Front, verb: str) -> Callable[[Front, NavigationRequest], Front]:
     if front.problem is None:
-        raise InvalidInput(f"{verb}: wants the problem of the front, which is not at hand: load_front(run, problem)")
+        raise InvalidInput(
+            f"{verb}: wants the problem of the front, which is not at hand: load_front(run, problem), or "
+            "--problem FILE.py:NAME"
+        )
     move: Callable[[Front, NavigationRequest], Front] | None = getattr(front.problem, "navigate", None)
     if move is None:
         kind = type(front.problem).__name__

@@ -32,8 +32,9 @@ class Arm:
 
     Joint i moves link i about (or along) the z axis of its own frame; ``placements[i]`` is that frame in the previous
     one (the base for the first) at q = 0. Units are SI and radians. Limits are (lower, upper) rows, infinite where
-    there is none. ``notices`` say what a file had that the arm has not, such as frozen joints. Every constructor and
-    every method that returns an arm raises InvalidInput for values that no arm can have.
+    there is none. ``source`` is the URDF it comes from, ``source_digest`` that file's SHA-256, ``notices`` say what
+    it had that the arm has not, such as frozen joints. Every constructor and every method that returns an arm raises
+    InvalidInput for values that no arm can have.
     """
 
     name: str
@@ -50,6 +51,7 @@ class Arm:
     is_planar: bool = False
     frames: Mapping[str, Frame] = field(default_factory=dict)
     source: Path | None = None
+    source_digest: str | None = None
     notices: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:

@@ -83,7 +83,7 @@ def from_urdf(
         raise InvalidInput(f"zero_limits must be 'unlimited' or None, got {zero_limits!r}")
     if zero_limits is None and (zeros := find_zero_limits(chain)):
         raise InvalidInput(f"{file}: {'; '.join(zeros)}")
-    return replace(_build_arm(str(file), robot, chain), source=file)
+    return replace(_build_arm(str(file), robot, chain), source=file, source_digest=robot.digest)
 
 
 def _summarise(joint: JointDescription) -> str:

@@ -52,9 +52,10 @@ class JointDescription:
 
 @dataclass(frozen=True, kw_only=True)
 class RobotDescription:
-    """All links and joints of a file, with the faults and warnings that its validation gave."""
+    """All links and joints of a file, with the faults and warnings that its validation gave, and its SHA-256."""
 
     name: str
+    digest: str
     links: Mapping[str, LinkDescription]
     joints: Mapping[str, JointDescription]
     faults: tuple[str, ...]

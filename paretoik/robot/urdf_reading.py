@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ from paretoik.robot.urdf_description import (
     inertia_matrix,
 )
 from paretoik.robot.urdf_tree import Fault, find_tree_faults
-from paretoik.robot.urdf_xml import Element, read_elements
+from paretoik.robot.urdf_xml import Element, parse_elements, read_bytes
 
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?inf(inity)?|[+-]?nan", re.ASCII | re.IGNORECASE)
 
@@ -45,7 +46,8 @@ def read_robot(file: Path) -> RobotDescription:
 
     Raises InvalidInput where there is no such file, InvalidRobot where it is not the XML of a robot.
     """
-    root = read_elements(file)
+    data = read_bytes(file)
+    root = parse_elements(data, str(file))
     reader = _Reader()
     elements = {tag: reader.by_name(root, tag) for tag in ("link", "joint")}
     count = len(elements["link"])
@@ -63,6 +65,7 @@ def read_robot(file: Path) -> RobotDescription:
         reader.warnings.append((lines[first], text))
     return RobotDescription(
         name=root.attributes.get("name") or file.stem,
+        digest=sha256(data).hexdigest(),
         links=links,
         joints=joints,
         faults=_listed(reader.faults),

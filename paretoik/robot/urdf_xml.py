@@ -38,13 +38,12 @@ class Element:
         return [child for child in self.children if child.tag == tag]
 
 
-def read_elements(file: Path) -> Element:
+def parse_elements(data: bytes, source: str) -> Element:
     """Return the ``<robot>`` element with its links and joints, and all that they hold except shapes.
 
-    Raises InvalidInput where there is no such file, InvalidRobot naming the line where it is not the XML of a robot.
+    Raises InvalidRobot, naming ``source`` and the line, where data are not the XML of a robot.
     """
-    data = _read_bytes(file)
-    reader = _Reader(str(file))
+    reader = _Reader(source)
     try:
         reader.parser.Parse(data, True)
     except expat.ExpatError as error:
@@ -57,7 +56,8 @@ def read_elements(file: Path) -> Element:
     return reader.root
 
 
-def _read_bytes(file: Path) -> bytes:
+def read_bytes(file: Path) -> bytes:
+    """Return what a file of a robot holds; raises InvalidInput for no file, InvalidRobot for an empty or large one."""
     if not file.is_file():
         raise InvalidInput(f"{file}: {'is not a regular file' if file.exists() else 'no such file'}")
     try:

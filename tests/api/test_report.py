@@ -37,7 +37,7 @@ def test_without_its_problem_a_run_shows_positions_and_says_how_to_see_more(run,
     folder, _ = run
     page = read(pk.report(folder))
     assert [each["name"] for each in page.data["motions"]["quantities"]] == ["position"]
-    assert any("pk.load_front(folder, problem)" in text for text in page.texts("p"))
+    assert any("pk.report(folder, problem=problem)" in text for text in page.texts("p"))
     file = pk.report(pk.load_front(folder, problem))
     assert file == folder / REPORT
     page = read(file)

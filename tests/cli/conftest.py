@@ -9,6 +9,12 @@ from paretoik.cli import main
 from tests.cli.commands import MINE, SMALL, Ended
 
 
+@pytest.fixture(autouse=True)
+def project(monkeypatch, tmp_path_factory):
+    """Work in a folder that all problems and runs of these tests are below, as in a user's project."""
+    monkeypatch.chdir(tmp_path_factory.getbasetemp())
+
+
 @pytest.fixture
 def paretoik(capsys, monkeypatch):
     """Run the command line within this process."""

@@ -30,7 +30,7 @@ def loop(steps):
 """
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def loops(tmp_path_factory):
     file = tmp_path_factory.mktemp("loops") / "users_own_loops.py"
     file.write_text(MINE.format(start=posture(3).tolist()))

@@ -28,7 +28,7 @@ def panda_run(tmp_path_factory):
     from paretoik.api.solve import solve
     from paretoik.loading import load_problem
 
-    place = tmp_path_factory.mktemp("panda")
+    place, run = tmp_path_factory.mktemp("panda"), tmp_path_factory.mktemp("runs") / "panda"
     (place / "hasty_panda.py").write_text(ACROSS)
     reference = f"{place / 'hasty_panda.py'}:across"
     front = solve(
@@ -36,11 +36,11 @@ def panda_run(tmp_path_factory):
         population=8,
         generations=2,
         seed=1,
-        out=place / "run",
+        out=run,
         reference=reference,
         observe=False,
     )
-    return place / "run", int(front.ids[0])
+    return run, int(front.ids[0])
 
 
 def rows(file):

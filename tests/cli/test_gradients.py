@@ -23,7 +23,8 @@ def test_front_and_refine_keep_runs_and_print_strict_json(paretoik, mine, tmp_pa
     assert strict(refined.out)["parent"]["run"] == str(tmp_path / "f")
 
 
-def test_plan_lists_the_optima(paretoik, mine, tmp_path):
+def test_plan_lists_the_optima(paretoik, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     file = tmp_path / "one_objective.py"
     file.write_text(ONE)
     ended = paretoik("plan", f"{file}:one", "--out", tmp_path / "p", "--starts", "4", "--quiet", "--json")

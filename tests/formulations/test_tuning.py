@@ -13,7 +13,7 @@ from pymoo.optimize import minimize
 import paretoik as pk
 from paretoik import line, measures, methods
 from paretoik.errors import InvalidInput, OutOfReach
-from paretoik.loading import fingerprint
+from paretoik.fingerprint.fingerprint import fingerprint
 from paretoik.robot import kinematics
 from paretoik.robot.arms import tringali_3r, wan_7r
 from tests.capability.test_geodesic import Even

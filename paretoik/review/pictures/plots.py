@@ -27,7 +27,7 @@ from paretoik.review.even_rows import even_rows
 from paretoik.review.limits_between import describe_limits_between
 from paretoik.review.palette import PAPER, objective_label
 
-WITHOUT_ARM = "The run names no problem that can be loaded: its arm is drawn after load_front(folder, problem)."
+WITHOUT_ARM = "The run's problem is not at hand: its arm is drawn after load_front(folder, problem)."
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,0 +1,70 @@
+"""The problem of a stored run: the one that a user names, or the one that the run names, inside the current project.
+
+A run folder may come from anybody, and loading a problem runs its file. What a run names is therefore loaded unasked
+only where it is a file below the current folder that did not come with the run: ``check_own``.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from paretoik.errors import InvalidInput
+from paretoik.loading import load_problem
+
+CONFIRM = "problem=, or --problem FILE.py:NAME, loads one wherever it is"
+LONGEST = 200  # characters that messages quote
+
+
+def problem_of_run(folder: Path, reference: object, problem: Any = None) -> Any:
+    """Return ``problem``, or what it names if it is text, or else what a run names; None where that is nothing.
+
+    Raises InvalidInput where the run names what is not the user's own, and as ``load_problem`` does.
+    """
+    if isinstance(problem, str):
+        return load_problem(problem)
+    if problem is not None or reference is None:
+        return problem
+    check_own(folder, reference)
+    return load_problem(str(reference))
+
+
+def check_own(folder: Path, reference: object) -> None:
+    """Raise InvalidInput where what a run in a folder names is not a file of the current project.
+
+    Such a file lies below the current folder, links followed, outside the run, and in no folder below it that the run
+    is in too: they may have come together. The home folder and those above it are no projects; modules, which may be
+    anywhere on Python's path, are not loaded for a run.
+    """
+    text, project = str(reference), Path.cwd().resolve()
+    try:
+        fault = _fault(text, folder.resolve(), project)
+    except OSError as error:  # a name that is too long, a folder that nobody may look into
+        fault = f"no file that can be looked at, {error.strerror}"
+    if fault:
+        raise InvalidInput(f"{folder}: wanted a problem of this project, got {text[:LONGEST]!r}, {fault}; {CONFIRM}")
+
+
+def _fault(reference: str, run: Path, project: Path) -> str:
+    """Return why what a run names is not loaded unasked, "" where it may be."""
+    place, _, name = reference.rpartition(":")
+    if not name or Path(place).suffix != ".py" or "\0" in place:
+        return "no FILE.py:NAME"
+    if not Path(place).is_file():
+        return f"a file that is not in {project}"
+    file = Path(place).resolve()
+    if not _is_project(project) or not file.is_relative_to(project):
+        return f"a file that is not below a project's folder: this is {project}"
+    beside = project / file.relative_to(project).parts[0]
+    if file.is_relative_to(run) or (beside.is_dir() and run.is_relative_to(beside)):
+        return "a file that lies beside the run"
+    return ""
+
+
+def _is_project(folder: Path) -> bool:
+    """Return whether a folder may be a project's: one that is neither the home folder nor above it."""
+    try:
+        home = Path.home().resolve()
+    except RuntimeError:  # this user has none
+        return True
+    return folder != home and folder not in home.parents

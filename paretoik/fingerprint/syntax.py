@@ -1,0 +1,154 @@
+"""The syntax tree of running code: from its source, where that still is what runs."""
+
+from __future__ import annotations
+import __future__
+
+import ast
+import linecache
+from collections.abc import Iterator
+from functools import lru_cache
+from types import CodeType
+from typing import Any, TypeAlias
+
+MUTATING = frozenset(
+    {"append", "appendleft", "extend", "insert", "add", "update", "setdefault"}
+    | {"pop", "popleft", "popitem", "clear", "remove", "discard"}
+)  # methods of Python's containers
+UNSAID = frozenset({"ctx", "kind", "type_comment", "type_params", "returns", "annotation", "type_ignores"})
+Function: TypeAlias = ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda
+Place: TypeAlias = tuple[str, str | None]
+"""A name, and the attribute of it that is meant, None for itself."""
+
+
+def syntax_of(code: CodeType, module_globals: dict[str, Any]) -> Function | None:
+    """Return the syntax of a function; None where its file cannot be read, or compiled is not what runs."""
+    source = "".join(linecache.getlines(code.co_filename, module_globals))
+    if not source:
+        return None
+    codes, functions = _parse(source, code.co_filename, code.co_flags & __future__.annotations.compiler_flag)
+    if code not in codes:
+        return None
+    nodes = [node for node in functions if _start(node) == (code.co_name, code.co_firstlineno)]
+    if len(nodes) > 1:  # lambdas in one line
+        spans = set(code.co_positions())
+        nodes = [node for node in nodes if isinstance(node, ast.Lambda) and _span(node.body) in spans]
+    return nodes[0] if len(nodes) == 1 else None
+
+
+@lru_cache(maxsize=32)
+def _parse(source: str, file: str, flags: int) -> tuple[frozenset[CodeType], tuple[Function, ...]]:
+    """Return all code objects and all functions of a source, none where it is no Python."""
+    try:
+        code = compile(source, file, "exec", flags=flags, dont_inherit=True)
+        tree = ast.parse(source)
+    except (SyntaxError, ValueError):
+        return frozenset(), ()
+    functions = tuple(node for node in ast.walk(tree) if isinstance(node, Function))
+    return frozenset(nested_codes(code)), functions
+
+
+def nested_codes(code: CodeType) -> Iterator[CodeType]:
+    """Yield a code object and all within it."""
+    yield code
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from nested_codes(constant)
+
+
+def _start(node: Function) -> tuple[str, int]:
+    if isinstance(node, ast.Lambda):
+        return "<lambda>", node.lineno
+    return node.name, min([node.lineno, *(each.lineno for each in node.decorator_list)])
+
+
+def _span(node: ast.expr) -> tuple[int, int | None, int, int | None]:
+    return node.lineno, node.end_lineno, node.col_offset, node.end_col_offset
+
+
+def normalise(node: Function) -> str:
+    """Return a function's syntax as text, the same for all layouts, annotations, documentation and Python versions.
+
+    Decorators and defaults are left out: what they came to is at hand.
+    """
+    arguments = [_text(value) for name, value in ast.iter_fields(node.args) if "defaults" not in name]
+    return f"{type(node).__name__} {arguments} {_text(node.body)}"
+
+
+def _text(node: object) -> str:
+    """Return a part of a syntax tree as text, "" where there is nothing to say."""
+    if isinstance(node, list):
+        return "[" + ",".join(text for each in node if (text := _text(each))) + "]"
+    if not isinstance(node, ast.AST):
+        return repr(node)
+    if isinstance(node, ast.Constant):
+        return f"{type(node.value).__name__} {node.value!r}"
+    if isinstance(node, ast.JoinedStr):
+        return f"JoinedStr({_text(_merge_texts(node.values))})"
+    if isinstance(node, ast.Pass) or (isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)):
+        return ""
+    if isinstance(node, ast.AnnAssign):
+        return "" if node.value is None else f"Assign(targets=[{_text(node.target)}] value={_text(node.value)})"
+    fields = [(name, value) for name, value in ast.iter_fields(node) if name not in UNSAID]
+    return f"{type(node).__name__}({' '.join(f'{n}={_text(v)}' for n, v in fields if v is not None and v != [])})"
+
+
+def _merge_texts(values: list[ast.expr]) -> list[ast.expr]:
+    """Return the parts of a formatted string, neighbouring texts as one: Python's versions divide them otherwise."""
+    merged = list[ast.expr]()
+    for each in values:
+        if merged and isinstance(each, ast.Constant) and isinstance(merged[-1], ast.Constant):
+            merged[-1] = ast.Constant(str(merged[-1].value) + str(each.value))
+        else:
+            merged.append(each)
+    return [each for each in merged if not (isinstance(each, ast.Constant) and each.value == "")]
+
+
+def read_names(node: Function) -> set[str]:
+    """Return all names that a function reads, without those in annotations."""
+    skipped = {
+        id(inner)
+        for each in ast.walk(node)
+        for part in (getattr(each, "returns", None), getattr(each, "annotation", None))
+        if isinstance(part, ast.AST)
+        for inner in ast.walk(part)
+    }
+    return {each.id for each in ast.walk(node) if isinstance(each, ast.Name) and id(each) not in skipped}
+
+
+def written_places(node: Function) -> set[Place]:
+    """Return what a function changes beyond its local variables: names, and attributes of names.
+
+    Items that are assigned or deleted and the methods that change Python's containers count too: what a call changes is
+    the state of a computation, a cache or a count, and nothing that defines it.
+    """
+    places = set[Place]()
+    for each in ast.walk(node):
+        if isinstance(each, ast.Global | ast.Nonlocal):
+            places |= {(name, None) for name in each.names}
+        elif isinstance(each, ast.Attribute | ast.Subscript) and not isinstance(each.ctx, ast.Load):
+            places.add(_place(each))
+        elif isinstance(each, ast.Call) and isinstance(each.func, ast.Attribute) and each.func.attr in MUTATING:
+            places.add(_place(each.func.value))
+    return {(name, attribute) for name, attribute in places if name}
+
+
+def used_methods(node: Function) -> set[str]:
+    """Return the names of what a function takes from its first argument, or from ``super()``: methods among them."""
+    first, attributes = first_argument(node), [each for each in ast.walk(node) if isinstance(each, ast.Attribute)]
+    owners = [(each.attr, each.value.func if isinstance(each.value, ast.Call) else each.value) for each in attributes]
+    return {name for name, owner in owners if isinstance(owner, ast.Name) and owner.id in (first, "super")}
+
+
+def first_argument(node: Function) -> str:
+    """Return the name of a function's first argument, "" without one."""
+    arguments = [*node.args.posonlyargs, *node.args.args]
+    return arguments[0].arg if arguments else ""
+
+
+def _place(node: ast.expr) -> Place:
+    """Return the name, and its attribute, that an expression leads to a part of; "" where it is no name."""
+    attribute = None
+    while isinstance(node, ast.Attribute | ast.Subscript | ast.Starred):
+        attribute = node.attr if isinstance(node, ast.Attribute) else attribute
+        node = node.value
+    return (node.id if isinstance(node, ast.Name) else ""), attribute
