@@ -15,6 +15,7 @@ from paretoik.errors import InvalidRun
 from paretoik.run_files import MOTIONS, OPTIMA, RUN, TABLE, digest, read_plain_file, read_run
 from paretoik.verification.report import Check, demand
 
+TEXTS = ("status", "reason", "branch")  # columns of a table that hold no numbers
 RESULTS = (TABLE, OPTIMA, MOTIONS, "polygon.npz", "traces.npz")
 
 
@@ -95,10 +96,10 @@ def _read_columns(content: bytes) -> dict[str, np.ndarray]:
     columns = {}
     for name in table.column_names:
         column = table.column(name)
-        if pa.types.is_floating(column.type):
+        if name not in TEXTS and name != "id":
             columns[name] = np.array([np.nan if value is None else value for value in column.to_pylist()], dtype=float)
-        elif pa.types.is_integer(column.type):
-            columns[name] = column.to_numpy()
+        elif name == "id":
+            columns[name] = column.cast(pa.int64()).to_numpy()
         else:
             columns[name] = np.array(["" if value is None else str(value) for value in column.to_pylist()])
     return columns
