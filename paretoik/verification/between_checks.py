@@ -17,7 +17,6 @@ from paretoik.verification.path_targets import path_points, task_error
 from paretoik.verification.report import Check, judge, leave_out, note
 
 STENCIL = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12.0, np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / 12.0
-REACH = 1 / 40  # of an interval: the step of differences between samples
 
 
 def project(model: ArmModel, tasks: Any, q: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -75,7 +74,7 @@ def _check_limits(
     stated: float | None,
     point: int,
 ) -> Iterator[Check]:
-    step = np.repeat(np.diff(time), 3) * REACH
+    step = np.repeat(np.diff(time), 3) * OPTIONS.reach
     shifted = [project(model, task.tasks, curve(t + k * step), t + k * step)[0] for k in (-2, -1, 1, 2)]
     stack = np.stack([shifted[0], shifted[1], q, shifted[2], shifted[3]])
     dq = np.tensordot(STENCIL[0], stack, axes=1) / step[:, None]

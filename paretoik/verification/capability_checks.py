@@ -13,8 +13,6 @@ from paretoik.verification.options import OPTIONS
 from paretoik.verification.report import Check, demand, judge, leave_out
 from paretoik.verification.run_contents import RunContents
 
-RELATIVE = 1e-6  # by which a maximum may exceed the linear program's
-
 
 def check_standing(run: RunContents, problem: Any, model: ArmModel) -> Iterator[Check]:
     """Check a front of directional maxima: postures at their position, speeds that motors at joints can have."""
@@ -33,7 +31,7 @@ def check_standing(run: RunContents, problem: Any, model: ArmModel) -> Iterator[
                 continue
             value, most = float(run.values[row, k]), _highest_speed(problem.actuation, model, q[0], direction)
             detail = f"the table says {value:.8g} m/s, motors allow {most:.8g}"
-            yield judge(subject, max(value / most - 1.0, 0.0), RELATIVE, detail, point=point)
+            yield judge(subject, max(value / most - 1.0, 0.0), OPTIONS.maxima, detail, point=point)
         if len(run.objectives) > len(problem.directions):
             yield leave_out("other objectives", "the speeds of joints that they depend on are not stored", point=point)
 
@@ -90,7 +88,7 @@ def check_polygon(run: RunContents, model: ArmModel | None) -> Iterator[Check]:
         yield judge("position of the tool", off, OPTIONS.on_path, f"the tool is {off:.3g} lengths off", point=k)
         if run.entries.get("unit") == "m/s":
             off = float(np.abs(jacobian[:size] @ arrays["dq"][k] - values[k] * directions[k]).max() / abs(values[k]))
-            yield judge("values", off, RELATIVE, "J dq is not the speed along the direction", point=k)
+            yield judge("values", off, OPTIONS.maxima, "J dq is not the speed along the direction", point=k)
         else:
             yield leave_out("values", "torques hold the arm and the force: not separated a second time", point=k)
 

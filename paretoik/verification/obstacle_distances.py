@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from paretoik.verification.arm_model import rotation_of
+from paretoik.verification.options import OPTIONS
 
 GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
-SECTIONS = 60  # golden sections: below rounding of a link's length
 
 
 def point_distances(obstacle: Any, points: np.ndarray) -> np.ndarray:
@@ -46,7 +46,7 @@ def segment_distances(obstacle: Any, starts: np.ndarray, ends: np.ndarray) -> np
     first, second = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
     one, two = at(first), at(second)
     best = np.minimum(at(low), at(high))
-    for _ in range(SECTIONS):
+    for _ in range(OPTIONS.sections):
         left = one < two
         low, high = np.where(left, low, first), np.where(left, second, high)
         first, second = high - GOLDEN * (high - low), low + GOLDEN * (high - low)

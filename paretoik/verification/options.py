@@ -28,6 +28,9 @@ class VerificationOptions:
     directions: int = 160  # of the self-motion that a certificate is differentiated along: more are thinned out
     instants: int = 4  # between samples, in each interval, before distances are bounded
     bisections: int = 14  # of an interval in which a collision cannot be excluded
+    sections: int = 60  # golden sections of a link: below the rounding of its length
+    reach: float = 1 / 40  # of an interval: the step of differences between samples
+    maxima: float = 1e-6  # share of a speed by which it may exceed a linear program's
     newton_steps: int = 30  # of a projection onto the path
 
 

@@ -11,8 +11,6 @@ from paretoik.verification.options import OPTIONS
 from paretoik.verification.report import Check, demand, judge, leave_out
 from paretoik.verification.run_contents import RunContents
 
-SHARE = 1e-9  # of an objective's size: that exchange rates are off by rounding
-
 
 def check_tables(run: RunContents) -> Iterator[Check]:
     """Check ids, objectives, arrays and certificates of a front or a plan."""
@@ -94,7 +92,7 @@ def _check_rates(run: RunContents) -> Iterator[Check]:
         natural = weights / size * signs
         with np.errstate(divide="ignore", invalid="ignore"):
             expected = -natural[:, None] / natural[None, :]
-        scale = np.maximum(np.abs(expected), SHARE)
+        scale = np.maximum(np.abs(expected), np.finfo(float).tiny)
         off = float(np.max((np.abs(rates - expected) / scale)[known]))
         yield judge("exchange rates", off, OPTIONS.rates, "a rate is not the ratio of the weights", point=number)
         bounded = known & np.isfinite(intervals).all(axis=-1)

@@ -31,23 +31,36 @@ def verify_run(run: RunContents, problem: Any, *, reason: str = "", same: bool |
         rows.append(demand("problem", same, "its fingerprint is not that of the problem that the run solved"))
     holds = str(run.entries.get("holds", ""))
     if "polygon.npz" in run.arrays:
-        rows += check_polygon(run, None if problem is None else build_model(getattr(problem, "arm", problem)))
+        arm = None if problem is None else build_model(getattr(problem, "arm", problem))
+        rows += _collect(check_polygon(run, arm))
     elif "resolved" in holds:
         task = getattr(problem, "task", None)
-        rows += check_resolution(run, task, None if task is None else build_model(task.arm))
+        rows += _collect(check_resolution(run, task, None if task is None else build_model(task.arm)))
     else:
-        rows += check_tables(run)
+        rows += _collect(check_tables(run))
         sound = not any(row.verdict == "failed" for row in rows if row.subject in STRUCTURE)
         if not sound:
             rows.append(leave_out("motions", "the files do not belong together"))
         elif problem is None:
             rows.append(leave_out("motions against the problem", reason or "the problem is not at hand"))
         else:
-            rows += _check_motions(run, problem)
+            rows += _collect(_check_motions(run, problem))
     return Verification(folder=str(run.folder), rows=tuple(rows))
 
 
 STRUCTURE = ("files", "shapes", "ids", "objectives' names", "finite motions", "times", "problem")
+
+
+def _collect(checks: Iterator[Check]) -> list[Check]:
+    """Return the rows of checks; where one trips over what the files hold, that is a row that fails, and the last."""
+    rows = list[Check]()
+    try:
+        for each in checks:
+            rows.append(each)
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as fault:
+        line = (str(fault).splitlines() or [""])[0]
+        rows.append(demand("files", False, f"a check cannot be made of what they hold: {type(fault).__name__}: {line}"))
+    return rows
 
 
 def _check_motions(run: RunContents, problem: Any) -> Iterator[Check]:

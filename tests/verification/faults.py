@@ -248,6 +248,10 @@ def leave_the_path(run: Edited) -> None:
     run.motions["q"][0, 6, 0] += 0.1
 
 
+def take_maxima_away(run: Edited) -> None:
+    del run.arrays["polygon.npz"]["values"]
+
+
 FAULTS: dict[str, tuple[str, Change, str]] = {
     "a joint off by 1e-6": ("search", shift_joint, "tracking at samples"),
     "a posture moved along the self-motion by 1e-6": ("search", slide_along_the_self_motion, "objective torque_norm"),
@@ -294,6 +298,7 @@ FAULTS: dict[str, tuple[str, Change, str]] = {
     "an energy edited": ("point to point", save_energy, "objective energy"),
     "a target missed": ("point to point", miss_the_target, "ends"),
     "a maximum edited": ("polygon", boast_of_a_maximum, "values"),
+    "maxima missing": ("polygon", take_maxima_away, "files"),
     "an error hidden": ("resolved", hide_the_error, "largest error"),
     "a resolved motion off its path": ("resolved", leave_the_path, "tracking"),
 }
