@@ -12,6 +12,7 @@ from .api.report import report as report
 from .api.resolve import resolve as resolve
 from .api.resume import resume as resume
 from .api.solve import solve as solve
+from .api.verify import verify as verify
 from .closed_loop.objectives import joint_displacement as joint_displacement
 from .closed_loop.objectives import position_error as position_error
 from .closed_loop.objectives import rotation_error as rotation_error

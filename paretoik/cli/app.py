@@ -24,6 +24,7 @@ from paretoik.cli.resume import resume
 from paretoik.cli.select import select
 from paretoik.cli.show import show
 from paretoik.cli.solve import solve
+from paretoik.cli.verify import verify
 from paretoik.errors import ParetoikError
 
 
@@ -48,7 +49,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     help="The whole Pareto front of joint motions for a redundant arm.",
     epilog="Exit codes: 0 done, 2 bad input, 3 infeasible, 4 all evaluations failed or no solver had a solution, "
-    "5 stopped by a limit and 130 or 143 interrupted, with the result kept, 6 interrupted before there was one.",
+    "5 stopped by a limit and 130 or 143 interrupted, with the result kept, 6 interrupted before there was one, "
+    "7 a verification that fails.",
 )
 app.command("list")(list_problems)
 app.command()(solve)
@@ -62,6 +64,7 @@ app.command()(show)
 app.command()(export)
 app.command()(report)
 app.command()(compare)
+app.command()(verify)
 app.command("check-robot")(check_robot)
 
 

@@ -26,6 +26,7 @@ RunFolder = Annotated[Path, typer.Argument(help="Folder of a finished run.", sho
 PLAIN = str.maketrans("−–×·", "--x*")  # what no decomposition leads to
 STDOUT, STDERR = 1, 2  # descriptors of the process
 NO_RESULT = 6  # the exit code of what was interrupted before there was a result
+NOT_VERIFIED = 7  # the exit code of a verification that fails
 EXIT_CODES = {"time limit": 5, "SIGINT": 130, "interrupted": 130, "SIGTERM": 143}  # of what stopped a run
 
 

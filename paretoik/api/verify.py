@@ -1,0 +1,48 @@
+"""Check a run folder a second time, independently of what made it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from paretoik.errors import ParetoikError
+from paretoik.file_replacement import without_writers
+from paretoik.inputs import file_path
+from paretoik.loading import fingerprint, load_problem
+
+if TYPE_CHECKING:
+    from paretoik.verification.report import Verification
+
+
+def verify(folder: str | Path, problem: Any = None) -> Verification:
+    """Return what an independent look at a run folder says: a row for everything that was checked, or was not.
+
+    The files, motions at their samples and between them, limits, collisions, objectives and certificates are checked by
+    SciPy and Pinocchio, which ``pip install "paretoik[verify]"`` brings; no kernel is shared with what made the run.
+    The problem is ``problem``, or the one that the run names; of it the numbers and a user's functions count. Of a
+    polygon it is the arm. ``passed`` says whether nothing failed, ``unchecked`` what nobody looked at.
+
+    Raises
+    ------
+    InvalidRun
+        Where the folder is no run with a result.
+    InvalidInput
+        Where Pinocchio is not installed.
+    """
+    from paretoik.verification.run_contents import read_contents
+    from paretoik.verification.verify_run import verify_run
+
+    path, reason, same = file_path("folder", folder), "", None
+    with without_writers(path):
+        run = read_contents(path)
+    reference = run.entries.get("problem")
+    if problem is None and reference is not None:
+        try:
+            problem = load_problem(str(reference))
+        except ParetoikError as error:
+            reason = f"the problem that the run names cannot be had: {error}"
+    elif problem is None:
+        reason = "the run names no problem; verify(folder, problem) does"
+    if problem is not None and {"objectives", "objective"} & run.entries.keys():
+        same = fingerprint(problem) == run.entries.get("fingerprint")
+    return verify_run(run, problem, reason=reason, same=same)

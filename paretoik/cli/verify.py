@@ -1,0 +1,26 @@
+"""``paretoik verify``: check a run a second time, independently of what made it."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+
+import typer
+
+from paretoik.cli.console import NOT_VERIFIED, JsonFlag, RunFolder, print_json, stdout_for_results
+
+
+def verify(run: RunFolder, as_json: JsonFlag = False) -> None:
+    """Check files, motions, limits, collisions, objectives and certificates of a run, sharing no kernel with it.
+
+    Exit code 7 where something fails.
+    """
+    with stdout_for_results():
+        from paretoik.api.verify import verify as verify_folder
+
+        verification = verify_folder(run)
+    if as_json:
+        rows = [asdict(row) for row in verification.rows]
+        print_json({"run": run, "passed": verification.passed, "rows": rows})
+    else:
+        print(verification)
+    raise typer.Exit(0 if verification.passed else NOT_VERIFIED)

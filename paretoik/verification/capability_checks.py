@@ -1,0 +1,137 @@
+"""Runs of what an arm can do: postures that stand, motions from a point to a point, and polygons."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from scipy.optimize import linprog
+
+from paretoik.verification.arm_model import ArmModel
+from paretoik.verification.options import OPTIONS
+from paretoik.verification.report import Check, demand, judge, leave_out
+from paretoik.verification.run_contents import RunContents
+
+
+def check_standing(run: RunContents, problem: Any, model: ArmModel) -> Iterator[Check]:
+    """Check a front of directional maxima: postures at their position, speeds that motors at joints can have."""
+    size = len(problem.position)
+    bare = not hasattr(problem.actuation, "rod")
+    for row, q in enumerate(run.motions["q"]):
+        point = int(run.ids[row])
+        yield demand("standing still", np.ptp(q, axis=0).max() == 0, "the motion moves", point=point)
+        off = float(np.linalg.norm(model.poses(q[:1])[1][0, :size] - problem.position)) / model.length
+        yield judge("position of the tool", off, OPTIONS.on_path, f"the tool is {off:.3g} lengths off", point=point)
+        yield _position_limits(model, q, point)
+        for k, direction in enumerate(problem.directions):
+            name, subject = run.objectives[k]["name"], f"objective {run.objectives[k]['name']}"
+            if not bare or not str(name).startswith("speed"):
+                yield leave_out(subject, "rods, sliders and forces are not modelled a second time", point=point)
+                continue
+            value, most = float(run.values[row, k]), _highest_speed(problem.actuation, model, q[0], direction)
+            detail = f"the table says {value:.8g} m/s, motors allow {most:.8g}"
+            yield judge(subject, max(value / most - 1.0, 0.0), OPTIONS.maxima, detail, point=point)
+        if len(run.objectives) > len(problem.directions):
+            yield leave_out("other objectives", "the speeds of joints that they depend on are not stored", point=point)
+
+
+def check_point_to_point(run: RunContents, problem: Any, model: ArmModel) -> Iterator[Check]:
+    """Check motions between two points: their ends, joint limits, and durations against their own times."""
+    size, names = len(problem.start), [str(each["name"]) for each in run.objectives]
+    for row, (time, q) in enumerate(zip(run.motions["time"], run.motions["q"], strict=True)):
+        point = int(run.ids[row])
+        places = model.poses(q[[0, -1]])[1][:, :size]
+        off = float(np.linalg.norm(places - [problem.start, problem.target], axis=1).max()) / model.length
+        yield judge("ends", off, OPTIONS.on_path, f"an end is {off:.3g} lengths of the arm off", point=point)
+        yield _position_limits(model, q, point)
+        value, duration = float(run.values[row, names.index("duration")]), float(time[-1] - time[0])
+        detail = f"the table says {value:.10g} s, the motion takes {duration:.10g} s"
+        yield judge("objective duration", abs(value / duration - 1.0), OPTIONS.values, detail, point=point)
+        yield from _check_motors(problem, model, time, q, point)
+        yield from _check_work(run, problem, model, row, q)
+
+
+def _check_work(run: RunContents, problem: Any, model: ArmModel, row: int, q: np.ndarray) -> Iterator[Check]:
+    """Check the work of motors at the joints under gravity, given or taken, in one motion."""
+    middle, point = (q[1:] + q[:-1]) / 2, int(run.ids[row])
+    for k, entry in enumerate(run.objectives):
+        name = str(entry["name"])
+        if name == "duration":
+            continue
+        if name != "energy" or hasattr(problem.actuation, "rod"):
+            yield leave_out(f"objective {name}", "it is not computed a second time for these motors", point=point)
+            continue
+        work = float(np.abs(model.torques(middle, 0 * middle, 0 * middle) * np.diff(q, axis=0)).sum())
+        value = float(run.values[row, k])
+        detail = f"the table says {value:.10g} J, it is {work:.10g}"
+        yield judge("objective energy", abs(value - work) / max(work, 1e-12), 1e-8, detail, point=point)
+
+
+def check_polygon(run: RunContents, model: ArmModel | None) -> Iterator[Check]:
+    """Check the postures and speeds of a polygon, with its arm."""
+    arrays = run.arrays.get("polygon.npz", {})
+    values, directions = arrays["values"], arrays["directions"]
+    lengths = np.linalg.norm(directions, axis=1)
+    yield judge("directions", float(np.abs(lengths - 1.0).max()), 1e-12, "a direction has not the length 1")
+    if model is None:
+        yield leave_out("postures", "the arm is not in the files; verify(folder, arm) names it")
+        return
+    joints = [str(name) for name in arrays["joint_names"]]
+    yield demand("joint names", joints == list(model.arm.joint_names), "its joints are not those of the arm, in order")
+    if joints != list(model.arm.joint_names):
+        return
+    size = directions.shape[1]
+    for k in np.flatnonzero(np.isfinite(values)).tolist():
+        _, place, jacobian = model.jacobian(arrays["q"][k])
+        off = float(np.linalg.norm(place[:size] - arrays["position"])) / model.length
+        yield judge("position of the tool", off, OPTIONS.on_path, f"the tool is {off:.3g} lengths off", point=k)
+        if run.entries.get("unit") == "m/s":
+            off = float(np.abs(jacobian[:size] @ arrays["dq"][k] - values[k] * directions[k]).max() / abs(values[k]))
+            yield judge("values", off, OPTIONS.maxima, "J dq is not the speed along the direction", point=k)
+        else:
+            yield leave_out("values", "torques hold the arm and the force: not separated a second time", point=k)
+
+
+def _position_limits(model: ArmModel, q: np.ndarray, point: int) -> Check:
+    lower, upper = np.array(model.arm.position_limits, dtype=float).T
+    excess = float(np.maximum(q - upper, lower - q).max())
+    return judge("position limits", max(excess, 0.0), 1e-8, f"a joint is {excess:.3g} past its limit", point=point)
+
+
+def _highest_speed(actuation: Any, model: ArmModel, q: np.ndarray, direction: np.ndarray) -> float:
+    """Return the most speed along a direction that motors at the joints allow, by a linear program."""
+    columns = model.jacobian(q)[2][: len(direction)]
+    low, high = _motor_speeds(actuation.motors, model.torques(q[None], 0 * q[None], 0 * q[None])[0])
+    rows = np.column_stack([columns, -np.asarray(direction)])
+    bounds = [*zip(low, high, strict=True), (0.0, None)]
+    result = linprog(
+        np.append(np.zeros(model.dof), -1.0), A_eq=rows, b_eq=np.zeros(len(rows)), bounds=bounds, method="highs"
+    )
+    return float(-result.fun) if result.status == 0 else float("nan")
+
+
+def _motor_speeds(motors: Any, effort: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the lowest and highest speeds of motors under efforts, by the shape of their curve; NaN past stall."""
+    share = effort / np.asarray(motors.stall)
+    if motors.shape == "diamond":
+        ahead = back = 1.0 - np.abs(share)
+    elif motors.shape == "strip":
+        ahead, back = np.minimum(1.0 - share, 1.0), np.minimum(1.0 + share, 1.0)
+    else:
+        ahead = back = np.ones_like(share)
+    bearable = np.abs(share) <= 1.0 + 1e-8
+    ahead, back = (np.where(bearable, np.maximum(each, 0.0), np.nan) for each in (ahead, back))
+    return -back * np.asarray(motors.fastest), ahead * np.asarray(motors.fastest)
+
+
+def _check_motors(problem: Any, model: ArmModel, time: np.ndarray, q: np.ndarray, point: int) -> Iterator[Check]:
+    """Check that motors at the joints can follow, each within its curve under the load of gravity."""
+    if hasattr(problem.actuation, "rod"):
+        yield leave_out("motors", "rods and sliders are not modelled a second time", point=point)
+        return
+    middle, speed = (q[1:] + q[:-1]) / 2, np.diff(q, axis=0) / np.diff(time)[:, None]
+    low, high = _motor_speeds(problem.actuation.motors, model.torques(middle, 0 * middle, 0 * middle))
+    excess = float((np.maximum(speed - high, low - speed) / np.asarray(problem.actuation.motors.fastest)).max())
+    detail = f"a joint is faster than its motor by {excess:.3g} of its speed"
+    yield judge("motors", max(excess, 0.0) if np.isfinite(excess) else excess, 1e-6, detail, point=point)

@@ -1,0 +1,123 @@
+"""All checks of a run, by what it holds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from paretoik.verification.arm_model import ArmModel, build_model, import_pinocchio
+from paretoik.verification.between_checks import check_between
+from paretoik.verification.capability_checks import check_point_to_point, check_polygon, check_standing
+from paretoik.verification.certificate_checks import check_certificate
+from paretoik.verification.loop_checks import check_loop
+from paretoik.verification.measured_motion import measure
+from paretoik.verification.motion_checks import check_joints, check_limits, check_objectives, check_path, check_samples
+from paretoik.verification.report import Check, Verification, demand, leave_out
+from paretoik.verification.resolution_checks import check_resolution
+from paretoik.verification.run_contents import RunContents
+from paretoik.verification.table_checks import check_tables
+
+
+def verify_run(run: RunContents, problem: Any, *, reason: str = "", same: bool | None = None) -> Verification:
+    """Return what is right and wrong with a run; ``problem`` is None, for a ``reason``, where it is not at hand.
+
+    ``same`` says whether its fingerprint is the run's, None where that cannot be told.
+    """
+    import_pinocchio()
+    rows = [*run.checks]
+    if same is not None:
+        rows.append(demand("problem", same, "its fingerprint is not that of the problem that the run solved"))
+    holds = str(run.entries.get("holds", ""))
+    if "polygon.npz" in run.arrays:
+        arm = None if problem is None else build_model(getattr(problem, "arm", problem))
+        rows += _collect(check_polygon(run, arm))
+    elif "resolved" in holds:
+        task = getattr(problem, "task", None)
+        rows += _collect(check_resolution(run, task, None if task is None else build_model(task.arm)))
+    else:
+        rows += _collect(check_tables(run))
+        sound = not any(row.verdict == "failed" for row in rows if row.subject in STRUCTURE)
+        if not sound:
+            rows.append(leave_out("motions", "the files do not belong together"))
+        elif problem is None:
+            rows.append(leave_out("motions against the problem", reason or "the problem is not at hand"))
+        else:
+            rows += _collect(_check_motions(run, problem))
+    return Verification(folder=str(run.folder), rows=tuple(rows))
+
+
+STRUCTURE = ("files", "shapes", "ids", "objectives' names", "finite motions", "times", "problem")
+
+
+def _collect(checks: Iterator[Check]) -> list[Check]:
+    """Return the rows of checks; where one trips over what the files hold, that is a row that fails, and the last."""
+    rows = list[Check]()
+    try:
+        for each in checks:
+            rows.append(each)
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as fault:
+        line = (str(fault).splitlines() or [""])[0]
+        rows.append(demand("files", False, f"a check cannot be made of what they hold: {type(fault).__name__}: {line}"))
+    return rows
+
+
+def _check_motions(run: RunContents, problem: Any) -> Iterator[Check]:
+    task = getattr(problem, "task", None)
+    arm = getattr(problem, "arm", None) if task is None else task.arm
+    if "q" not in run.motions or arm is None:
+        yield leave_out("objectives", "the problem has no arm and no motions: its values are its own")
+        return
+    yield from check_joints(run, arm)
+    if [str(name) for name in run.motions["joint_names"]] != list(arm.joint_names):
+        return
+    model = build_model(arm)
+    if run.entries.get("timeline") == "step":
+        yield from check_loop(run, problem, model)
+    elif hasattr(problem, "directions") and hasattr(problem, "position"):
+        yield from check_standing(run, problem, model)
+    elif hasattr(problem, "actuation") and hasattr(problem, "target"):
+        yield from check_point_to_point(run, problem, model)
+    elif task is None or getattr(problem, "encoding", None) is None:
+        yield leave_out("motions against the problem", f"{type(problem).__name__}: not a kind that is modelled twice")
+    else:
+        yield from _check_tracking(run, problem, model)
+
+
+def _check_tracking(run: RunContents, problem: Any, model: ArmModel) -> Iterator[Check]:
+    """Check motions that follow a path, those of a front or of a plan."""
+    task = problem.task
+    named = {each.name: each for each in task.objectives}
+    listed = [(str(each["name"]), str(each["unit"]), bool(each["maximised"])) for each in run.objectives]
+    wanted = [(each.name, each.unit, bool(each.maximise)) for each in task.objectives]
+    yield demand("objectives' names", listed == wanted, f"the problem has {_names(wanted)}, run.json {_names(listed)}")
+    yield from check_path(task, model)
+    certified = "kkt_residual" in run.table
+    for row, number in enumerate(run.ids.tolist()):
+        time, q = (np.asarray(run.motions[name][row], dtype=float) for name in ("time", "q"))
+        rows = list(check_samples(task, model, time, q, number))
+        yield from rows
+        if any(each.subject == "times of the path" and each.verdict == "failed" for each in rows):
+            continue
+        motion = measure(model, task, time, q)
+        yield from check_limits(task, motion, _stated(run, "violation", row), number)
+        yield from check_between(task, model, motion, time, q, _stated(run, "violation_between", row), number)
+        if all(name in named for name, _, _ in listed):
+            objectives = [named[name] for name, _, _ in listed]
+            yield from check_objectives(run, objectives, motion, run.values[row], number)
+            if certified and "weights" in run.motions and _stated(run, "kkt_residual", row) is not None:
+                yield from check_certificate(run, task, model, objectives, row, time, q)
+    yield leave_out("curvature", "second derivatives, and with them minimum or saddle, are not computed again")
+
+
+def _stated(run: RunContents, column: str, row: int) -> float | None:
+    """Return what the table says in a column; None where it says nothing."""
+    if column not in run.table:
+        return None
+    value = float(run.table[column][row])
+    return value if np.isfinite(value) else None
+
+
+def _names(listed: list[tuple[str, str, bool]]) -> str:
+    return ", ".join(f"{name} [{unit}]{' maximised' if maximised else ''}" for name, unit, maximised in listed)

@@ -1,0 +1,308 @@
+"""Planted faults by name: the kind of run, what is changed in it, and the subject of the check that must fail."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from tests.verification.editing import Edited
+
+Change = Callable[[Edited], None]
+
+
+def shift_joint(run: Edited) -> None:
+    run.motions["q"][0, 5, 1] += 1e-6
+
+
+def slide_along_the_self_motion(run: Edited) -> None:
+    import paretoik as pk
+    from paretoik.robot.kinematics import jacobian
+
+    arm, q = pk.arms.tringali_3r(), run.motions["q"][0, 5]
+    rows = jacobian(arm, q)[:2]
+    free = np.linalg.svd(rows)[2][-1]
+    moved = q + 1e-6 * free  # the path is missed by 1e-12 alone
+    run.motions["q"][0, 5] = moved
+
+
+def swap_columns(run: Edited) -> None:
+    run.motions["q"] = run.motions["q"][..., [1, 0, 2]]
+
+
+def swap_names(run: Edited) -> None:
+    run.motions["joint_names"] = run.motions["joint_names"][[1, 0, 2]]
+
+
+def rename_joint(run: Edited) -> None:
+    run.motions["joint_names"] = np.array(["joint1", "joint2", "wrist"])
+
+
+def turn_times_back(run: Edited) -> None:
+    run.motions["time"][0, [4, 5]] = run.motions["time"][0, [5, 4]]
+
+
+def stretch_times(run: Edited) -> None:
+    run.motions["time"] *= 1.001
+
+
+def shift_one_time(run: Edited) -> None:
+    run.motions["time"][0, 4] += 1e-4
+
+
+def reverse_motion(run: Edited) -> None:
+    run.motions["q"][0] = run.motions["q"][0, ::-1]
+
+
+def not_a_number(run: Edited) -> None:
+    run.motions["q"][0, 3, 0] = np.nan
+
+
+def exchange_motions(run: Edited) -> None:
+    run.motions["q"][[0, -1]] = run.motions["q"][[-1, 0]]
+
+
+def leave_out_a_motion(run: Edited) -> None:
+    for name in ("id", "q", "time", *(["genes"] if "genes" in run.motions else [])):
+        run.motions[name] = run.motions[name][1:]
+
+
+def edit_objective(run: Edited) -> None:
+    run.table["kinetic_energy"][0] *= 1 - 1e-6
+
+
+def improve_all_objectives(run: Edited) -> None:
+    for name in ("kinetic_energy", "torque_norm"):
+        run.table[name] = [0.9 * value for value in run.table[name]]
+
+
+def swap_objectives(run: Edited) -> None:
+    run.table["kinetic_energy"], run.table["torque_norm"] = run.table["torque_norm"], run.table["kinetic_energy"]
+
+
+def edit_users_objective(run: Edited) -> None:
+    run.table["wrist_effort"][-1] *= 1 + 1e-6
+
+
+def edit_maximised_objective(run: Edited) -> None:
+    run.table["obstacle_clearance"][-1] += 1e-6
+
+
+def repeat_id(run: Edited) -> None:
+    run.table["id"][1] = run.table["id"][0]
+    run.motions["id"][1] = run.motions["id"][0]
+
+
+def add_dominated_point(run: Edited) -> None:
+    for name, values in run.table.items():
+        values.append(values[0] if name != "id" else max(values) + 1)
+    run.table["kinetic_energy"][-1] *= 1.01
+    for name, values in run.motions.items():
+        if name != "joint_names":
+            run.motions[name] = np.concatenate([values, values[:1]])
+    run.motions["id"][-1] = run.table["id"][-1]
+    run.entries["points"] += 1
+
+
+def count_other_points(run: Edited) -> None:
+    run.entries["points"] += 1
+
+
+def rename_unit(run: Edited) -> None:
+    run.entries["objectives"][0]["unit"] = "J"
+
+
+def turn_maximised(run: Edited) -> None:
+    run.entries["objectives"][1]["maximised"] = True
+
+
+def rename_objective(run: Edited) -> None:
+    run.entries["objectives"][0]["name"] = "energy"
+    run.table["energy"] = run.table.pop("kinetic_energy")
+
+
+def turn_range(run: Edited) -> None:
+    run.entries["objectives"][0]["range"].reverse()
+
+
+def another_problem(run: Edited) -> None:
+    run.entries["fingerprint"] = "0" * 64
+
+
+def admit_violation(run: Edited) -> None:
+    run.table["violation"][0] = 0.25
+
+
+def deny_criticality(run: Edited) -> None:
+    """A motion bent along the self-motion, its objectives computed again, with the certificate of another."""
+    from tests.verification.good_runs import tracking
+
+    problem = tracking()
+    for row in range(len(run.motions["q"])):
+        q = run.motions["q"][row]
+        bumped = q + 0.05 * np.sin(np.linspace(0.0, np.pi, len(q)))[:, None] * np.array([1.0, -1.0, 0.5])
+        motion = problem.task.motion(problem.task.motion(bumped).at(problem.task.times))
+        run.motions["q"][row] = motion.q
+        for objective in problem.task.objectives:
+            run.table[objective.name][row] = float(objective(motion))
+        for column in ("violation", "violation_between"):
+            run.table[column][row] = max(float(problem.task.violations(motion).max()), 0.0)
+
+
+def swap_weights(run: Edited) -> None:
+    run.motions["weights"] = run.motions["weights"][:, ::-1].copy()
+    rates = run.motions["exchange_rates"]
+    weights = run.motions["weights"]
+    for row in range(len(weights)):
+        ratio = weights[row, 0] / weights[row, 1]
+        former = weights[row, 1] / weights[row, 0]
+        rates[row, 0, 1] *= ratio / former
+        rates[row, 1, 0] *= former / ratio
+        run.motions["exchange_intervals"][row, 0, 1] *= ratio / former
+        run.motions["exchange_intervals"][row, 1, 0] *= former / ratio
+
+
+def edit_rate(run: Edited) -> None:
+    run.motions["exchange_rates"][1, 0, 1] *= 1.2
+    run.motions["exchange_intervals"][1, 0, 1] *= 1.2
+
+
+def leave_interval(run: Edited) -> None:
+    run.motions["exchange_intervals"][1, 0, 1] *= 1.2
+
+
+def make_weights_negative(run: Edited) -> None:
+    run.motions["weights"][1] = [1.5, -0.5]
+
+
+def invent_status(run: Edited) -> None:
+    run.table["status"][0] = "global minimum"
+
+
+def open_the_cycle(run: Edited) -> None:
+    run.motions["q"][0, -1] += 2 * np.pi * np.array([1.0, 0.0, 0.0])
+
+
+def edit_optimum(run: Edited) -> None:
+    run.table["kinetic_energy"][0] *= 1 - 1e-6
+
+
+def add_a_better_optimum_last(run: Edited) -> None:
+    for values in run.table.values():
+        values.append(values[-1])
+    run.table["id"][-1] += 1
+    run.table["kinetic_energy"][-1] = 0.9 * run.table["kinetic_energy"][0]
+    for name, values in run.motions.items():
+        if name != "joint_names":
+            run.motions[name] = np.concatenate([values, values[-1:]])
+    run.motions["id"][-1] = run.table["id"][-1]
+
+
+def edit_loop_error(run: Edited) -> None:
+    run.entries["position_error"] *= 0.5
+
+
+def edit_loop_drift(run: Edited) -> None:
+    run.entries["drift"] = 0.0
+
+
+def jump_in_a_loop(run: Edited) -> None:
+    run.motions["q"][0, 8] += 0.3
+
+
+def boast_of_speed(run: Edited) -> None:
+    run.table["speed_1"] = [1.1 * value for value in run.table["speed_1"]]
+
+
+def move_a_posture(run: Edited) -> None:
+    run.motions["q"][0] += 1e-6
+
+
+def hurry(run: Edited) -> None:
+    run.motions["time"] *= 0.9
+    run.table["duration"] = [0.9 * value for value in run.table["duration"]]
+
+
+def shorten_duration(run: Edited) -> None:
+    run.table["duration"] = [0.99 * value for value in run.table["duration"]]
+
+
+def save_energy(run: Edited) -> None:
+    run.table["energy"] = [0.99 * value for value in run.table["energy"]]
+
+
+def miss_the_target(run: Edited) -> None:
+    run.motions["q"][0, -1, 0] += 1e-6
+
+
+def boast_of_a_maximum(run: Edited) -> None:
+    run.arrays["polygon.npz"]["values"] = 1.1 * run.arrays["polygon.npz"]["values"]
+
+
+def hide_the_error(run: Edited) -> None:
+    run.entries["largest_error"] = 0.0
+
+
+def leave_the_path(run: Edited) -> None:
+    run.motions["q"][0, 6, 0] += 0.1
+
+
+def take_maxima_away(run: Edited) -> None:
+    del run.arrays["polygon.npz"]["values"]
+
+
+FAULTS: dict[str, tuple[str, Change, str]] = {
+    "a joint off by 1e-6": ("search", shift_joint, "tracking at samples"),
+    "a posture moved along the self-motion by 1e-6": ("search", slide_along_the_self_motion, "objective torque_norm"),
+    "columns swapped": ("search", swap_columns, "tracking at samples"),
+    "names of joints swapped": ("search", swap_names, "joint names"),
+    "a joint of another name": ("search", rename_joint, "joint names"),
+    "times that go back": ("search", turn_times_back, "times"),
+    "times stretched": ("search", stretch_times, "times of the path"),
+    "a time shifted": ("search", shift_one_time, "times of the path"),
+    "a motion reversed": ("search", reverse_motion, "tracking at samples"),
+    "not a number": ("search", not_a_number, "finite motions"),
+    "motions exchanged": ("search", exchange_motions, "objective kinetic_energy"),
+    "a motion missing": ("search", leave_out_a_motion, "ids"),
+    "an objective edited": ("search", edit_objective, "objective kinetic_energy"),
+    "objectives improved": ("search", improve_all_objectives, "objective torque_norm"),
+    "objectives swapped": ("search", swap_objectives, "objective kinetic_energy"),
+    "a user's objective edited": ("obstacles", edit_users_objective, "objective wrist_effort"),
+    "a maximised objective edited": ("obstacles", edit_maximised_objective, "objective obstacle_clearance"),
+    "an id twice": ("search", repeat_id, "ids"),
+    "a dominated point": ("search", add_dominated_point, "non-domination"),
+    "another number of points": ("search", count_other_points, "ids"),
+    "another unit": ("search", rename_unit, "objectives' names"),
+    "another sense": ("search", turn_maximised, "objectives' names"),
+    "another name": ("search", rename_objective, "objectives' names"),
+    "a range turned": ("search", turn_range, "ranges"),
+    "another fingerprint": ("search", another_problem, "problem"),
+    "another violation": ("search", admit_violation, "violation in the table"),
+    "a certificate of another motion": ("certified", deny_criticality, "criticality by differences"),
+    "weights swapped": ("certified", swap_weights, "weights by differences"),
+    "an exchange rate edited": ("certified", edit_rate, "exchange rates"),
+    "an interval without its rate": ("certified", leave_interval, "exchange intervals"),
+    "a negative weight": ("certified", make_weights_negative, "weights"),
+    "a status that is none": ("certified", invent_status, "certificates"),
+    "a cycle opened": ("certified cyclic", open_the_cycle, "closure"),
+    "an optimum edited": ("plan", edit_optimum, "objective kinetic_energy"),
+    "the best optimum last": ("plan", add_a_better_optimum_last, "order of optima"),
+    "an error of a loop edited": ("closed loop", edit_loop_error, "position_error of the loop"),
+    "a drift of a loop edited": ("closed loop", edit_loop_drift, "drift of the loop"),
+    "a jump in a loop": ("closed loop", jump_in_a_loop, "length of steps"),
+    "a speed that no motor has": ("directional maxima", boast_of_speed, "objective speed_1"),
+    "a posture off its position": ("directional maxima", move_a_posture, "position of the tool"),
+    "a motion too fast for its motors": ("point to point", hurry, "motors"),
+    "a duration edited": ("point to point", shorten_duration, "objective duration"),
+    "an energy edited": ("point to point", save_energy, "objective energy"),
+    "a target missed": ("point to point", miss_the_target, "ends"),
+    "a maximum edited": ("polygon", boast_of_a_maximum, "values"),
+    "maxima missing": ("polygon", take_maxima_away, "files"),
+    "an error hidden": ("resolved", hide_the_error, "largest error"),
+    "a resolved motion off its path": ("resolved", leave_the_path, "tracking"),
+}
+
+
+def subjects(rows: Any) -> set[str]:
+    return {row.subject for row in rows}

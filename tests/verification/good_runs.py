@@ -1,0 +1,137 @@
+"""Small runs of every kind, and their problems."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import paretoik as pk
+from paretoik.task.between import finer_motion
+from problems import kim_2021
+from problems.marcos_2012 import loop as marcos_loop
+
+ARM = pk.arms.tringali_3r()
+LINE = pk.line((0.4678, 0.0), (0.0983, 0.1526), duration=1.0, samples=13)
+LIMITS = {"position": 2.5, "velocity": 3.0, "acceleration": 30.0, "torque": 2.0, "power": 3.0}
+BOTH = (pk.kinetic_energy, pk.torque_norm)
+SMALL: dict[str, Any] = {"population": 12, "generations": 5, "seed": 1, "observe": False}
+
+
+@pk.objective(unit="rad²/s", form="integral")
+def wrist_effort(motion):
+    return motion.dq[..., -1] ** 2
+
+
+def tracking(*objectives, path=LINE, limits=None, **options) -> pk.Tracking:
+    return pk.Tracking(
+        ARM,
+        path,
+        objectives=objectives or BOTH,
+        limits=pk.Limits(**(limits or LIMITS)),
+        coefficients=4,
+        bases=2,
+        **options,
+    )
+
+
+def backward() -> pk.Tracking:
+    return tracking(limits={"velocity": 4.0}, differences="backward")
+
+
+def cyclic() -> pk.Tracking:
+    path = pk.circle([0.3, 0.05], 0.08, duration=1.5, samples=13)
+    return pk.Tracking(ARM, path, objectives=BOTH, cyclic=True, coefficients=4, bases=2)
+
+
+def obstructed() -> pk.Tracking:
+    obstacles = [pk.obstacles.Circle([0.1, 0.25], 0.03), pk.obstacles.Box([-0.2, 0.1], [0.05, 0.05])]
+    objectives = (pk.kinetic_energy, pk.obstacle_clearance, wrist_effort)
+    return tracking(*objectives, obstacles=obstacles, link_radius=0.01)
+
+
+def spatial() -> pk.Tracking:
+    urdf = Path(__file__).parents[2] / "problems" / "robots" / "panda.urdf"
+    arm = pk.Arm.from_urdf(urdf, base="panda_link0", tip="panda_hand_tcp")
+    path = pk.line([0.45, -0.25, 0.3], [0.45, 0.25, 0.3], duration=1.5, samples=9)
+    objectives = [pk.kinetic_energy, pk.joint_limit_distance, pk.manipulability]
+    return pk.Tracking(arm, path, objectives=objectives, coefficients=4, bases=2)
+
+
+def loop() -> pk.ClosedLoop:
+    return marcos_loop(3, 0.7, blocked=True, steps=20, population=20, generations=8)
+
+
+def planned() -> pk.Tracking:
+    return tracking(pk.kinetic_energy)
+
+
+def search(problem: Any, out: Path) -> None:
+    pk.solve(problem, **SMALL, out=out)
+
+
+def sweep(problem: Any, out: Path) -> None:
+    pk.epsilon_front(problem, points=4, starts=4, out=out, observe=False)
+
+
+def follow(problem: Any, out: Path) -> None:
+    pk.solve(problem, out=out, observe=False)
+
+
+def plan(problem: Any, out: Path) -> None:
+    pk.plan(problem, starts=6, out=out, observe=False)
+
+
+def resolve(problem: Any, out: Path) -> None:
+    method, start = pk.methods.DampedLeastSquares(damping=0.05), problem.encoding.charts.base[0][0]
+    pk.resolve(ARM, problem.task.tasks[0].path, method, start=start, unreachable="track", out=out)
+
+
+def polygon(problem: Any, out: Path) -> None:
+    pk.directional_maxima(problem.arm, problem.actuation, problem.position, directions=4, out=out)
+
+
+KINDS: dict[str, tuple[Callable[[], Any], Callable[[Any, Path], None]]] = {
+    "search": (tracking, search),
+    "backward": (backward, search),
+    "obstacles": (obstructed, search),
+    "spatial": (spatial, search),
+    "certified": (tracking, sweep),
+    "certified cyclic": (cyclic, sweep),
+    "plan": (planned, plan),
+    "closed loop": (loop, follow),
+    "directional maxima": (kim_2021.directions_jam, search),
+    "point to point": (kim_2021.point_to_point_jam, search),
+    "resolved": (backward, resolve),
+    "polygon": (kim_2021.directions_jam, polygon),
+}
+
+
+def thin_obstacle(front: pk.Front) -> pk.Tracking:
+    """Return the problem with a disc that a motion's tool meets between two instants, clear of it at all of them."""
+    motion = front.motions[0]
+    for q in motion.at(motion.time[:-1] + 0.25 * np.diff(motion.time)):
+        disc = pk.obstacles.Circle(ARM.pose(q).position[:2], 0.004)
+        if replace(motion.instants, obstacles=(disc,)).clearance.min() > 1e-3:
+            return tracking(obstacles=[disc])
+    raise AssertionError("no place that the tool passes between instants")
+
+
+def exceeded_between(front: pk.Front) -> pk.Tracking:
+    """Return the problem with a limit that motions keep at all instants, and exceed between them."""
+    for kind, name in (("power", "power"), ("torque", "torque"), ("position", "q")):
+        most = largest(front, name)
+        if np.abs(getattr(finer_motion(front.motions), name)).max() > (1 + 2e-4) * most:
+            return with_limits(**{kind: most})
+    raise AssertionError("no limit that is largest between instants")
+
+
+def with_limits(**limits: float) -> pk.Tracking:
+    return tracking(limits={**LIMITS, **limits})
+
+
+def largest(front: pk.Front, name: str) -> float:
+    return float(np.abs(getattr(front.motions.instants, name)).max(axis=(1, 2)).max())

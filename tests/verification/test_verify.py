@@ -1,0 +1,123 @@
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+
+import pytest
+
+import paretoik as pk
+from paretoik.loading import fingerprint
+from tests.verification.editing import edit
+from tests.verification.faults import FAULTS, subjects
+from tests.verification.good_runs import KINDS, exceeded_between, largest, thin_obstacle, with_limits
+
+QUICK = ("search", "obstacles", "closed loop", "polygon", "resolved", "plan")
+LIMITED = {"position": "q", "velocity": "dq", "acceleration": "ddq", "torque": "torque", "power": "power"}
+
+
+def named(kind: str, problem):
+    return problem.arm if kind == "polygon" else problem
+
+
+def parameters(names, kind_of):
+    return [pytest.param(name, marks=[] if kind_of(name) in QUICK else pytest.mark.slow) for name in names]
+
+
+@pytest.mark.parametrize("kind", parameters(KINDS, str))
+def test_a_good_run_passes_and_says_what_nobody_looked_at(good_run, kind):
+    folder, problem = good_run(kind)
+    verification = pk.verify(folder, named(kind, problem))
+    assert verification.failures == ()
+    assert len(repr(verification).splitlines()) <= 40
+    assert all(row.detail for row in verification.unchecked)
+
+
+@pytest.mark.parametrize("fault", parameters(FAULTS, lambda name: FAULTS[name][0]))
+def test_a_planted_fault_is_caught_and_named(good_run, tmp_path, fault):
+    kind, change, subject = FAULTS[fault]
+    folder, problem = good_run(kind)
+    verification = pk.verify(edit(folder, tmp_path / "edited", change), named(kind, problem))
+    assert subject in subjects(verification.failures)
+    assert all(row.detail and "\n" not in row.detail for row in verification.failures)
+
+
+@pytest.mark.parametrize("kind", LIMITED)
+def test_a_motion_that_exceeds_a_limit_is_caught(good_run, tmp_path, kind):
+    folder, _ = good_run("search")
+    most = largest(pk.load_front(folder, good_run("search")[1]), LIMITED[kind])
+    tight = with_limits(**{kind: 0.99 * most})
+
+    def forge(run):
+        run.entries["fingerprint"] = fingerprint(tight)
+
+    verification = pk.verify(edit(folder, tmp_path / "forged", forge), tight)
+    assert f"{kind} limits" in subjects(verification.failures)
+    assert {"tracking at samples", "objective torque_norm"}.isdisjoint(subjects(verification.failures))
+
+
+def test_a_collision_between_samples_is_caught(good_run, tmp_path):
+    folder, problem = good_run("search")
+    blocked = thin_obstacle(pk.load_front(folder, problem))
+
+    def forge(run):
+        run.entries["fingerprint"] = fingerprint(blocked)
+
+    verification = pk.verify(edit(folder, tmp_path / "forged", forge), blocked)
+    first = [row for row in verification.rows if row.point == int(pk.Front.load(folder).ids[0])]
+    assert {row.verdict for row in first if row.subject == "clearance at samples"} == {"passed"}
+    assert {row.verdict for row in first if row.subject == "clearance between samples"} == {"failed"}
+
+
+@pytest.mark.slow
+def test_a_violation_between_samples_that_the_table_denies_is_caught(good_run, tmp_path):
+    folder, problem = good_run("certified")
+    tight = exceeded_between(pk.load_front(folder, problem))
+
+    def forge(run):
+        run.entries["fingerprint"] = fingerprint(tight)
+        run.table["violation_between"] = [0.0 for _ in run.table["violation_between"]]
+
+    verification = pk.verify(edit(folder, tmp_path / "forged", forge), tight)
+    assert "limits between samples" in subjects(verification.failures)
+    assert not {"power limits", "torque limits", "position limits"} & subjects(verification.failures)
+
+
+def test_an_edit_without_new_digests_is_caught(good_run, tmp_path):
+    folder, problem = good_run("search")
+    copy = edit(folder, tmp_path / "copy", lambda run: None)
+    text = (copy / "run.json").read_text()
+    (copy / "run.json").write_text(re.sub(r'"seed": 1\b', '"seed": 2', text, count=1))
+    assert text != (copy / "run.json").read_text()
+    assert "digests" in subjects(pk.verify(copy, problem).failures)
+
+
+def test_without_its_problem_a_run_is_checked_by_itself_and_says_what_is_missing(good_run):
+    verification = pk.verify(good_run("search")[0])
+    assert verification.passed
+    assert "motions against the problem" in subjects(verification.unchecked)
+
+
+def test_a_folder_without_a_run_is_refused(tmp_path):
+    with pytest.raises(pk.InvalidInput, match="nothing"):
+        pk.verify(tmp_path)
+
+
+def test_without_pinocchio_one_line_says_what_to_install(good_run, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pinocchio", None)
+    with pytest.raises(pk.InvalidInput, match=r"paretoik\[verify\]"):
+        pk.verify(good_run("search")[0])
+
+
+def test_the_command_prints_rows_and_ends_with_its_own_exit_code(good_run, tmp_path):
+    folder, _ = good_run("search")
+    from tests.verification.faults import repeat_id
+
+    edited = edit(folder, tmp_path / "edited", repeat_id)
+    command = [sys.executable, "-m", "paretoik", "verify"]
+    good = subprocess.run([*command, folder, "--json"], capture_output=True, text=True, check=False)
+    bad = subprocess.run([*command, edited], capture_output=True, text=True, check=False)
+    assert (good.returncode, bad.returncode) == (0, 7)
+    assert json.loads(good.stdout)["passed"] is True
+    assert "an id stands in the table twice" in bad.stdout
