@@ -173,9 +173,9 @@ class RunSession(VerbSession):
 
     def finish(self, front: Front) -> None:
         """Save the final front."""
-        self.keep(lambda folder: front.save(folder, overwrite=True), status=front.provenance["status"])
+        self.keep(lambda folder: front.save(folder, overwrite=True), status=front.provenance.get("status"))
 
-    def keep(self, save: Callable[[Path], object], *, status: str) -> None:
+    def keep(self, save: Callable[[Path], object], *, status: object) -> None:
         """Let the final result be saved into the run's folder; a run that was not stopped has nothing to go on with.
 
         What a signal asked to stop has stopped by then: it does not hold for the pictures that follow.

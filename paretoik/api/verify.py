@@ -5,10 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from paretoik.api.run_problem import problem_of_run
 from paretoik.errors import ParetoikError
 from paretoik.file_replacement import without_writers
+from paretoik.fingerprint.fingerprint import fingerprint
 from paretoik.inputs import file_path
-from paretoik.loading import fingerprint, load_problem
 
 if TYPE_CHECKING:
     from paretoik.verification.report import Verification
@@ -19,8 +20,9 @@ def verify(folder: str | Path, problem: Any = None) -> Verification:
 
     The files, motions at their samples and between them, limits, collisions, objectives and certificates are checked by
     SciPy and Pinocchio, which ``pip install "paretoik[verify]"`` brings; no kernel is shared with what made the run.
-    The problem is ``problem``, or the one that the run names; of it the numbers and a user's functions count. Of a
-    polygon it is the arm. ``passed`` says whether nothing failed, ``unchecked`` what nobody looked at.
+    The problem is ``problem``, which may also be its name, or the one that the run names, as for ``load_front``; of it
+    the numbers and a user's functions count. Of a polygon it is the arm. ``passed`` says whether nothing failed,
+    ``unchecked`` what nobody looked at.
 
     Raises
     ------
@@ -36,13 +38,15 @@ def verify(folder: str | Path, problem: Any = None) -> Verification:
     with without_writers(path):
         run = read_contents(path)
     reference = run.entries.get("problem")
-    if problem is None and reference is not None:
-        try:
-            problem = load_problem(str(reference))
-        except ParetoikError as error:
-            reason = f"the problem that the run names cannot be had: {error}"
-    elif problem is None:
+    if problem is None and reference is None:
         reason = "the run names no problem; verify(folder, problem) does"
+    try:
+        whole = problem_of_run(path, reference, problem)
+    except ParetoikError as error:
+        if problem is not None:
+            raise
+        reason, whole = f"the problem that the run names cannot be had: {error}", None
+    problem = whole
     if problem is not None and {"objectives", "objective"} & run.entries.keys():
         same = fingerprint(problem) == run.entries.get("fingerprint")
     return verify_run(run, problem, reason=reason, same=same)
