@@ -86,7 +86,7 @@ class RecordingFile:
         # The recorder of a killed run may still be completing its file: a new one is not that one's.
         self._file.unlink(missing_ok=True)
         self._stream, self._drawing = self._open(self._file)
-        self._identity = self._file.stat().st_ino
+        self._written = self._file.open("rb")  # as long as it is open, no other file is taken for it
         self._flushed, self._size = time.monotonic(), 0
         self._pending, self._growth = 0, float(self._options.reserve)  # messages not written, bytes a message at most
 
@@ -124,6 +124,7 @@ class RecordingFile:
     def close(self) -> None:
         """Close the file as it is."""
         self._stream.disconnect()
+        self._written.close()
         if self._live is not None:
             live, self._live = self._live, None
             live.close()
@@ -153,9 +154,10 @@ class RecordingFile:
             draw(self._drawing)
             self._check_space(0)
             self._stream.flush()
-            if self._file.stat().st_ino != self._identity:
+            if not os.path.samestat(self._file.stat(), os.fstat(self._written.fileno())):
                 raise FileExistsError(errno.EEXIST, "another run writes it")
-            self._identity = part.stat().st_ino
+            self._written.close()
+            self._written = part.open("rb")
             part.replace(self._file)
         finally:
             part.unlink(missing_ok=True)
