@@ -86,7 +86,7 @@ class RecordingFile:
         # The recorder of a killed run may still be completing its file: a new one is not that one's.
         self._file.unlink(missing_ok=True)
         self._stream, self._drawing = self._open(self._file)
-        self._written = self._file.open("rb")  # as long as it is open, no other file is taken for it
+        self._written: int | None = os.open(self._file, os.O_RDONLY)  # while it is open no other has its inode
         self._flushed, self._size = time.monotonic(), 0
         self._pending, self._growth = 0, float(self._options.reserve)  # messages not written, bytes a message at most
 
@@ -124,7 +124,9 @@ class RecordingFile:
     def close(self) -> None:
         """Close the file as it is."""
         self._stream.disconnect()
-        self._written.close()
+        if self._written is not None:
+            os.close(self._written)
+            self._written = None
         if self._live is not None:
             live, self._live = self._live, None
             live.close()
@@ -154,10 +156,10 @@ class RecordingFile:
             draw(self._drawing)
             self._check_space(0)
             self._stream.flush()
-            if not os.path.samestat(self._file.stat(), os.fstat(self._written.fileno())):
+            if self._written is None or not os.path.samestat(self._file.stat(), os.fstat(self._written)):
                 raise FileExistsError(errno.EEXIST, "another run writes it")
-            self._written.close()
-            self._written = part.open("rb")
+            os.close(self._written)
+            self._written = os.open(part, os.O_RDONLY)
             part.replace(self._file)
         finally:
             part.unlink(missing_ok=True)
