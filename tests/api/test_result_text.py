@@ -99,6 +99,7 @@ def test_every_entry_has_its_certificate_by_name(front):
 
 
 def test_a_refined_run_is_printed_stored_and_drawn_with_its_certificates(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
     (tmp_path / "users_refined_problem.py").write_text(MINE)
     out = tmp_path / "run"
     problem = f"{tmp_path / 'users_refined_problem.py'}:good"
