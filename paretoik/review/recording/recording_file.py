@@ -83,10 +83,12 @@ class RecordingFile:
         self._last: Any = None  # message of the series
         self._first = 0
         self._live = LiveView(parent.tell) if opening.live else None
-        # The recorder of a killed run may still be completing its file: a new one is not that one's.
-        self._file.unlink(missing_ok=True)
+        # The recorder of a killed run may begin late, or still complete its file: a newer run's is not that one.
+        if _is_alive(opening.run):
+            self._file.unlink(missing_ok=True)
+        # While it is open no other has its inode.
+        self._written: int | None = os.open(self._file, os.O_RDONLY | os.O_CREAT | os.O_EXCL, 0o666)
         self._stream, self._drawing = self._open(self._file)
-        self._written: int | None = os.open(self._file, os.O_RDONLY)  # while it is open no other has its inode
         self._flushed, self._size = time.monotonic(), 0
         self._pending, self._growth = 0, float(self._options.reserve)  # messages not written, bytes a message at most
 
@@ -209,3 +211,12 @@ def _number(message: Any) -> int | None:
     """Return the number of a message in its series, None where it belongs to none."""
     number: int | None = getattr(message, "number", None)
     return number
+
+
+def _is_alive(process: int) -> bool:
+    """Say whether a process is at work; one of another user is."""
+    try:
+        os.kill(process, 0)
+    except OSError as fault:
+        return fault.errno == errno.EPERM
+    return True
