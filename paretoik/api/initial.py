@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from paretoik.arrays import Genes, Points
 from paretoik.errors import InvalidInput
@@ -126,7 +125,7 @@ def remembered_motions(problem: Any, motions: Motion | None) -> Motion | None:
 class InitialSolutions:
     """What a search starts from: ``genes`` (rows, n_var), and motions exactly as they are, as ``points``, if any."""
 
-    genes: ArrayLike | None
+    genes: Genes | None
     points: Points | None
 
     @classmethod
@@ -137,9 +136,9 @@ class InitialSolutions:
             return cls(genes=values.get("genes"), points=values.get("points"))
         genes = initial_genes(problem, initial)
         points = exact_points(problem, initial)
-        return cls(genes=genes, points=points)  # the search checks them
+        return cls(genes=None if genes is None else checked_genes(problem, genes), points=points)
 
     def remember(self) -> None:
         """Write them into the journal of the run, if it has one."""
         arrays = {"genes": self.genes, "points": self.points}
-        remembered(INITIAL, lambda: {name: np.asarray(each) for name, each in arrays.items() if each is not None})
+        remembered(INITIAL, lambda: {name: array for name, array in arrays.items() if array is not None})
