@@ -187,8 +187,8 @@ def unfinished_note(folder: Path) -> str:
 def _entries(file: Path) -> dict[str, Any] | None:
     """Return the entries of a `run.json` of some version of this format, unchecked; None where it is none."""
     try:
-        run = json.loads(file.read_bytes())
-    except (OSError, ValueError, RecursionError):
+        run = json.loads(read_plain_file(file))
+    except (InvalidRun, ValueError, RecursionError):
         return None
     return run if isinstance(run, dict) and "format" in run else None
 
