@@ -8,7 +8,7 @@ import sys
 import pytest
 
 import paretoik as pk
-from paretoik.loading import fingerprint
+from paretoik.fingerprint.fingerprint import fingerprint
 from tests.verification.editing import edit
 from tests.verification.faults import FAULTS, subjects
 from tests.verification.good_runs import KINDS, exceeded_between, largest, thin_obstacle, with_limits
