@@ -27,7 +27,7 @@ def replace_file(file: Path, content: bytes) -> None:
     if file.name in ("", ".."):
         raise InvalidInput(f"{file}: wanted to write it, got a folder")
     part = file.with_name(f".{file.name}.{os.getpid()}")
-    with _refusal(file):
+    with refusal(f"{file}: wanted to write it"):
         file.parent.mkdir(parents=True, exist_ok=True)
         try:
             _write(part, content)
@@ -45,7 +45,7 @@ def replace_files(folder: Path, contents: Mapping[str, bytes]) -> None:
         if (folder / name).is_dir():
             raise InvalidInput(f"{folder / name}: wanted to write it, got a folder")
     part = folder / f"{SAVED}.{os.getpid()}"
-    with _refusal(folder):
+    with refusal(f"{folder}: wanted to write it"):
         try:
             part.mkdir()
             for name, content in contents.items():
@@ -65,18 +65,14 @@ def only_writer(folder: Path) -> Iterator[None]:
     The folder is made if need be, and what a killed process had saved there moves into place first; the lock ends with
     the process. Raises InvalidInput where the system refuses.
     """
-    try:
+    with refusal(f"{folder}: wanted a folder to write into"):
         folder.mkdir(parents=True, exist_ok=True)
         descriptor = os.open(folder, os.O_RDONLY)
-    except OSError as fault:
-        raise InvalidInput(f"{folder}: wanted a folder to write into, got {fault.strerror}") from fault
     try:
-        try:
+        with refusal(f"{folder}: wanted to lock it against a second writer"):  # not on file systems without locks
             fcntl.flock(descriptor, fcntl.LOCK_EX)
-        except OSError as fault:  # as of file systems without locks
-            raise InvalidInput(f"{folder}: wanted to lock it against a second writer, got {fault.strerror}") from fault
         try:
-            with _refusal(folder):
+            with refusal(f"{folder}: wanted to write it"):
                 _move_saved(folder)
             yield
         finally:
@@ -103,6 +99,8 @@ def without_writers(folder: Path) -> Iterator[None]:
         yield
     finally:
         if descriptor is not None:
+            with suppress(OSError):
+                fcntl.flock(descriptor, fcntl.LOCK_UN)  # a process forked meanwhile has the descriptor too
             os.close(descriptor)
 
 
@@ -132,9 +130,9 @@ def _synchronise(folder: Path) -> None:
 
 
 @contextmanager
-def _refusal(place: Path) -> Iterator[None]:
-    """Raise InvalidInput where the system refuses what the body writes."""
+def refusal(wish: str) -> Iterator[None]:
+    """Raise InvalidInput, with what was wanted, where the system refuses what the body does."""
     try:
         yield
     except OSError as fault:
-        raise InvalidInput(f"{place}: wanted to write it, got {fault.strerror}") from fault
+        raise InvalidInput(f"{wish}, got {fault.strerror}") from fault

@@ -29,6 +29,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from paretoik.errors import InvalidInput, InvalidRun
+from paretoik.file_replacement import refusal
 from paretoik.stop_flag import STOP
 
 MAGIC = b"paretoik journal 1\n"
@@ -62,12 +63,10 @@ class Journal:
         self._places: dict[bytes, tuple[int, int]] = {}  # offset and length of a payload, by its key
         self._is_full = False
         self._end, self._digest = len(MAGIC), hashlib.sha256(MAGIC).digest()  # of the last whole frame
-        try:
+        with refusal(f"{file}: wanted to write the journal of a run"):
             file.parent.mkdir(parents=True, exist_ok=True)
             # Opened by hand because a link in its place must not be followed.
             self._descriptor = os.open(file, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
-        except OSError as fault:
-            raise InvalidInput(f"{file}: wanted to write the journal of a run, got {fault.strerror}") from fault
         try:
             self._read()
         except BaseException:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from inspect import signature
 from pathlib import Path
 from typing import Any
 
@@ -25,10 +26,11 @@ from paretoik.front.preferences.weights import Weights
 from paretoik.front.subset import attach
 from paretoik.inputs import file_path
 from paretoik.journal import journalled
-from paretoik.run_files import CHECKPOINT, JOURNAL, RUN, can_resume, read_run
+from paretoik.run_files import CHECKPOINT, JOURNAL, RUN, can_resume, check_digest, read_run
 from paretoik.trajectory.plan import Plan
 
-LOOP_SETTINGS = ("population", "generations", "seed", "record_steps")  # of a closed loop, that solve takes
+VERBS: dict[str, Callable[..., Front | Plan]] = {each.__name__: each for each in (solve, plan, epsilon_front, refine)}
+OF_LOOP = {"weights", "warm_start"}  # settings of a closed loop's run that are the problem's own
 
 
 def resume(
@@ -78,6 +80,7 @@ def resume(
 def _call(folder: Path, problem: Any, algorithm: Any) -> tuple[Callable[..., Front | Plan], dict[str, Any]]:
     """Return the verb that a run began with, and its arguments; raises as ``resume`` does."""
     run = read_run(folder / RUN)
+    check_digest(folder / RUN, run)
     if not can_resume(folder):
         raise InvalidInput(
             f"{folder}: wanted a run of solve, plan, front or refine that was stopped, got one of status "
@@ -88,25 +91,31 @@ def _call(folder: Path, problem: Any, algorithm: Any) -> tuple[Callable[..., Fro
     if problem is None:
         raise InvalidInput(f"{folder}: the problem wanted that the run solves; resume(folder, problem) names it")
     check_fingerprint(problem, run.get("fingerprint"), wish=f"{folder}: wants the problem that the run solves")
-    arguments = {"problem": problem, "reference": run.get("problem"), **run["settings"]}
-    del arguments["time_limit"]
-    match run.get("verb"):
-        case "solve" if timeline(problem) == "step":
-            return solve, _loop_arguments(arguments)
-        case "solve":
-            name, given = arguments.pop("algorithm"), None if algorithm is None else type(algorithm).__name__
-            if name != given:
-                raise InvalidInput(f"algorithm: {name or 'none'} wanted, as the run has it, got {given or 'none'}")
-            if arguments["target"] is not None:
-                arguments["target"] = [float(value) for value in arguments["target"]]
-            return solve, arguments | {"algorithm": algorithm}
-        case "plan":
-            return plan, arguments
-        case "epsilon_front":
-            return epsilon_front, arguments
-        case "refine":
-            return refine, arguments | {"front": _source(folder, problem)}
-    raise InvalidRun(f"{folder}: wanted a run of solve, plan, front or refine, got one of {run.get('verb')!r}")
+    verb, settings = VERBS.get(str(run.get("verb"))), run.get("settings")
+    if verb is None:
+        raise InvalidRun(f"{folder}: wanted a run of solve, plan, front or refine, got one of {run.get('verb')!r}")
+    is_loop = timeline(problem) == "step"
+    names = {*signature(verb).parameters} | (OF_LOOP if is_loop else set())
+    if not (isinstance(settings, dict) and settings.keys() <= names):
+        raise InvalidRun(f"{folder}: wanted the settings of {run['verb']}, got {settings!r:.200}")
+    arguments = {"problem": problem, "reference": run.get("problem"), **settings}
+    arguments.pop("time_limit", None)
+    if verb is refine:
+        arguments["front"] = _source(folder, problem)
+    elif verb is solve and is_loop:
+        arguments = _loop_arguments(arguments)
+    elif verb is solve:
+        arguments |= _search_arguments(settings, algorithm)
+    return verb, arguments
+
+
+def _search_arguments(settings: Mapping[str, Any], algorithm: Any) -> dict[str, Any]:
+    """Return an algorithm and a target as ``solve`` takes them; raises InvalidInput for another kind of algorithm."""
+    kind, before = None if algorithm is None else type(algorithm).__name__, settings.get("algorithm")
+    if kind != before:
+        raise InvalidInput(f"algorithm: {before or 'none'} wanted, as the run has it, got {kind or 'none'}")
+    target = settings.get("target")
+    return {"algorithm": algorithm, "target": None if target is None else [float(value) for value in target]}
 
 
 def _loop_arguments(arguments: dict[str, Any]) -> dict[str, Any]:
@@ -114,7 +123,7 @@ def _loop_arguments(arguments: dict[str, Any]) -> dict[str, Any]:
     loop, weights = arguments["problem"], arguments["weights"]
     if not np.array_equal(list(weights.values()), loop.weights):
         loop = loop.changed(weights=Weights(weights))
-    return {name: arguments[name] for name in ("reference", *LOOP_SETTINGS)} | {"problem": loop}
+    return {name: value for name, value in arguments.items() if name not in OF_LOOP} | {"problem": loop}
 
 
 def _source(folder: Path, problem: Any) -> Front:
@@ -128,7 +137,9 @@ def _source(folder: Path, problem: Any) -> Front:
 
 def _check_versions(folder: Path, run: Mapping[str, Any]) -> None:
     """Raise InvalidInput where a package has another version than a run had."""
-    before, now = run.get("versions", {}), versions()
-    for name in now:
-        if before.get(name) != now[name]:
-            raise InvalidInput(f"{folder}: wanted {name} {before.get(name)}, as the run has it, got {now[name]}")
+    before = run.get("versions")
+    if not isinstance(before, Mapping):
+        raise InvalidRun(f"{folder}: wanted the versions that the run was made by, got {before!r:.200}")
+    for name, now in versions().items():
+        if before.get(name) != now:
+            raise InvalidInput(f"{folder}: wanted {name} {before.get(name)}, as the run has it, got {now}")

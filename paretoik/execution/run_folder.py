@@ -6,13 +6,13 @@ import fcntl
 import os
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
 from paretoik.errors import InvalidInput
 from paretoik.execution.former_run import PART, set_aside, settle
-from paretoik.file_replacement import SAVED, only_writer
+from paretoik.file_replacement import SAVED, only_writer, refusal
 from paretoik.run_files import FORMER, RUN, has_result, is_run
 
 LOCK = ".lock"
@@ -96,13 +96,8 @@ def _locked(place: Path) -> Iterator[None]:
         yield
 
 
-@contextmanager
-def _refusal(place: Path) -> Iterator[None]:
-    """Raise InvalidInput where the system refuses what the body does in a folder."""
-    try:
-        yield
-    except OSError as fault:
-        raise InvalidInput(f"{place}: wanted a folder to write a run into, got {fault.strerror}") from fault
+def _refusal(place: Path) -> AbstractContextManager[None]:
+    return refusal(f"{place}: wanted a folder to write a run into")
 
 
 def check_other_folder(name: str, folder: Path, *sources: Path | None) -> None:

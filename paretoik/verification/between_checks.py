@@ -103,9 +103,9 @@ def _check_clearance(
     def postures(t: np.ndarray) -> np.ndarray:
         return project(model, task.tasks, curve(t), t)[0]
 
-    least, at, proven = least_clearance(task, model, postures, samples, time)
-    size, short = clearance_range(task, model), max(float(task.min_clearance) - least, 0.0)
-    detail = f"links come within {least:.4g} m of an obstacle at {at:.4g} s, {task.min_clearance:g} m wanted"
+    smallest, at, proven = least_clearance(task, model, postures, samples, time)
+    size, short = clearance_range(task, model), max(float(task.min_clearance) - smallest, 0.0)
+    detail = f"links come within {smallest:.4g} m of an obstacle at {at:.4g} s, {task.min_clearance:g} m wanted"
     accepted = (stated + OPTIONS.between) * size if stated is not None else _grazing(task, samples, time)
     yield judge("clearance between samples", short, accepted, detail, point=point)
     if not proven:
@@ -124,28 +124,28 @@ def least_clearance(
     speed = 1.5 * np.abs(np.diff(q, axis=0)) / np.diff(t)[:, None] + 0.05 * np.abs(samples.dq[0]).max(axis=0)
     ends, rate = np.stack([t[:-1], t[1:]], axis=1), speed @ reaches
     near = np.stack([distance[:-1], distance[1:]], axis=1)
-    least, at = float(distance.min()), float(t[int(distance.argmin())])
+    smallest, at = float(distance.min()), float(t[int(distance.argmin())])
     limit = float(task.min_clearance)
     for _ in range(OPTIONS.bisections):
-        open_ = near.sum(axis=1) - rate * np.diff(ends, axis=1)[:, 0] < 2 * min(limit, least)
+        open_ = near.sum(axis=1) - rate * np.diff(ends, axis=1)[:, 0] < 2 * min(limit, smallest)
         if not open_.any():
-            return least, at, True
+            return smallest, at, True
         ends, near, rate = ends[open_], near[open_], rate[open_]
         middle = ends.mean(axis=1)
         distance = clearances(task.obstacles, model.nodes(postures(middle)), samples.link_radius)
-        if distance.min() < least:
-            least, at = float(distance.min()), float(middle[int(distance.argmin())])
+        if distance.min() < smallest:
+            smallest, at = float(distance.min()), float(middle[int(distance.argmin())])
         ends = np.concatenate([np.stack([ends[:, 0], middle], 1), np.stack([middle, ends[:, 1]], 1)])
         near = np.concatenate([np.stack([near[:, 0], distance], 1), np.stack([distance, near[:, 1]], 1)])
         rate = np.concatenate([rate, rate])
-        keep = near.sum(axis=1) - rate * np.diff(ends, axis=1)[:, 0] < 2 * min(limit, least)
+        keep = near.sum(axis=1) - rate * np.diff(ends, axis=1)[:, 0] < 2 * min(limit, smallest)
         order = np.argsort(near.min(axis=1))[:400]
         chosen = np.intersect1d(np.flatnonzero(keep), order)
         ends, near, rate = ends[chosen], near[chosen], rate[chosen]
         if not len(ends):
-            return least, at, True
+            return smallest, at, True
     resolved = float((rate * np.diff(ends, axis=1)[:, 0]).max()) <= 1e-3 * model.length
-    return least, at, resolved
+    return smallest, at, resolved
 
 
 def _grazing(task: Any, samples: MeasuredMotion, time: np.ndarray) -> float:

@@ -29,9 +29,9 @@ def check_standing(run: RunContents, problem: Any, model: ArmModel) -> Iterator[
             if not bare or not str(name).startswith("speed"):
                 yield leave_out(subject, "rods, sliders and forces are not modelled a second time", point=point)
                 continue
-            value, most = float(run.values[row, k]), _highest_speed(problem.actuation, model, q[0], direction)
-            detail = f"the table says {value:.8g} m/s, motors allow {most:.8g}"
-            yield judge(subject, max(value / most - 1.0, 0.0), OPTIONS.maxima, detail, point=point)
+            value, highest = float(run.values[row, k]), _highest_speed(problem.actuation, model, q[0], direction)
+            detail = f"the table says {value:.8g} m/s, motors allow {highest:.8g}"
+            yield judge(subject, max(value / highest - 1.0, 0.0), OPTIONS.maxima, detail, point=point)
         if len(run.objectives) > len(problem.directions):
             yield leave_out("other objectives", "the speeds of joints that they depend on are not stored", point=point)
 

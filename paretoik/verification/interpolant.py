@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import BSpline, KroghInterpolator, PPoly, lagrange, make_interp_spline
 
-ACCELERATIONS = 3  # most that the acceleration at a free end is continued from
+from paretoik.verification.options import OPTIONS
 
 
 def rebuild(time: np.ndarray, q: np.ndarray, *, differences: str, cyclic: bool, ends_at_rest: bool) -> Any:
@@ -100,7 +100,7 @@ def _blossom(t: np.ndarray, q: np.ndarray) -> np.ndarray:
 
 def _free_row(basis: BSpline, time: np.ndarray) -> np.ndarray:
     """Return the equation that the first acceleration continues the polynomial through the next ones."""
-    count = min(ACCELERATIONS, len(time) - 3)
+    count = min(OPTIONS.end_accelerations, len(time) - 3)
     second = basis.derivative(2)
     others = time[1 : count + 1] - time[0]
     row = second(time[0])

@@ -41,8 +41,10 @@ def check_loop(run: RunContents, loop: Any, model: ArmModel) -> Iterator[Check]:
     yield judge("length of steps", max(longest, 0.0), 1e-9, f"a joint steps {longest:.3g} too far", point=point)
     violation = float(run.table["violation"][0]) if "violation" in run.table else None
     motion = measure(model, task, time, q)
-    kept = replace(task, bounds={kind: each for kind, each in task.bounds.items() if kind in ("position", "velocity")})
-    yield from check_limits(kept, motion, None, point)
+    limited = replace(
+        task, bounds={kind: each for kind, each in task.bounds.items() if kind in ("position", "velocity")}
+    )
+    yield from check_limits(limited, motion, None, point)
     yield from (row for row in check_limits(task, motion, violation, point) if row.subject == "violation in the table")
     if task.obstacles and np.isfinite(loop.longest):
         yield from _check_sweep(task, model, motion, time, q, point)
@@ -70,9 +72,9 @@ def _check_sweep(
 ) -> Iterator[Check]:
     """Check distances during steps, which are straight in joints."""
     straight = interp1d(time, q, axis=0)
-    least, at, proven = least_clearance(task, model, straight, motion, time)
-    short = float(task.min_clearance) - least
-    detail = f"links come within {least:.4g} m of an obstacle at {at:.4g} s, {task.min_clearance:g} m wanted"
+    smallest, at, proven = least_clearance(task, model, straight, motion, time)
+    short = float(task.min_clearance) - smallest
+    detail = f"links come within {smallest:.4g} m of an obstacle at {at:.4g} s, {task.min_clearance:g} m wanted"
     tolerance = OPTIONS.limits * model.length
     yield judge("clearance between samples", max(short, 0.0), tolerance, detail, point=point)
     if not proven:

@@ -55,9 +55,9 @@ def limits_at(bounds: np.ndarray, samples: np.ndarray, t: np.ndarray) -> np.ndar
             else:  # none in an interval with an end that has none
                 after = np.clip(np.searchsorted(samples, t), 0, len(samples) - 1)
                 exact = np.isclose(samples[after], t, rtol=0, atol=1e-12)
-                known = finite[after] & (exact | finite[np.maximum(after - 1, 0)])
+                bounded = finite[after] & (exact | finite[np.maximum(after - 1, 0)])
                 none = np.inf if side else -np.inf
-                limits[:, joint, side] = np.where(known, np.interp(t, samples, np.where(finite, column, 0.0)), none)
+                limits[:, joint, side] = np.where(bounded, np.interp(t, samples, np.where(finite, column, 0.0)), none)
     return limits
 
 

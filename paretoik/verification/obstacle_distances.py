@@ -57,8 +57,8 @@ def segment_distances(obstacle: Any, starts: np.ndarray, ends: np.ndarray) -> np
 
 def clearances(obstacles: Sequence[Any], nodes: np.ndarray, radius: float) -> np.ndarray:
     """Return the least distances (time,) [m] of links, capsules of a radius, from obstacles; nodes (time, nodes, 3)."""
-    least = [segment_distances(each, nodes[:, :-1], nodes[:, 1:]).min(axis=1) for each in obstacles]
-    return np.asarray(np.min(least, axis=0) - radius)
+    distances = [segment_distances(each, nodes[:, :-1], nodes[:, 1:]).min(axis=1) for each in obstacles]
+    return np.asarray(np.min(distances, axis=0) - radius)
 
 
 def smallest_radius(obstacles: Sequence[Any]) -> float:

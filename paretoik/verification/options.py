@@ -31,6 +31,7 @@ class VerificationOptions:
     sections: int = 60  # golden sections of a link: below the rounding of its length
     reach: float = 1 / 40  # of an interval: the step of differences between samples
     maxima: float = 1e-6  # share of a speed by which it may exceed a linear program's
+    end_accelerations: int = 3  # that the acceleration at a free end is continued from, at most
     newton_steps: int = 30  # of a projection onto the path
 
 

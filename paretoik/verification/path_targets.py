@@ -79,9 +79,9 @@ def task_error(
     return error, rows
 
 
-def orientation_errors(axes: str, here: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+def orientation_errors(axes: str, here: np.ndarray, target: np.ndarray) -> np.ndarray:
     """Return the rotation vectors (time, 3) [rad], in the frame, that turn it as wanted; or its z axis alone."""
-    between = here.swapaxes(-1, -2) @ wanted
+    between = here.swapaxes(-1, -2) @ target
     if axes != "xyz+z-axis":
         return np.asarray(Rotation.from_matrix(between).as_rotvec())
     z = between[..., 2]

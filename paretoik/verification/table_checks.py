@@ -85,17 +85,17 @@ def _check_rates(run: RunContents) -> Iterator[Check]:
         off = max(abs(float(weights.sum()) - 1.0), float(-weights.min()))
         yield judge("weights", off, 1e-6, "weights are not positive with the sum 1", point=number)
         rates, intervals = arrays["exchange_rates"][row], arrays["exchange_intervals"][row]
-        known = np.isfinite(rates) & ~np.eye(len(weights), dtype=bool)
-        if not known.any() or (size == 0).any():
+        finite = np.isfinite(rates) & ~np.eye(len(weights), dtype=bool)
+        if not finite.any() or (size == 0).any():
             yield leave_out("exchange rates", "a rate has no single value there", point=number)
             continue
         natural = weights / size * signs
         with np.errstate(divide="ignore", invalid="ignore"):
             expected = -natural[:, None] / natural[None, :]
         scale = np.maximum(np.abs(expected), np.finfo(float).tiny)
-        off = float(np.max((np.abs(rates - expected) / scale)[known]))
+        off = float(np.max((np.abs(rates - expected) / scale)[finite]))
         yield judge("exchange rates", off, OPTIONS.rates, "a rate is not the ratio of the weights", point=number)
-        bounded = known & np.isfinite(intervals).all(axis=-1)
+        bounded = finite & np.isfinite(intervals).all(axis=-1)
         below, above = intervals[..., 0] - rates, rates - intervals[..., 1]
         off = float(np.max((np.maximum(below, above) / scale)[bounded], initial=0.0))
         yield judge("exchange intervals", off, OPTIONS.rates, "a rate is outside its interval", point=number)

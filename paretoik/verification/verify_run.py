@@ -90,8 +90,10 @@ def _check_tracking(run: RunContents, problem: Any, model: ArmModel) -> Iterator
     task = problem.task
     named = {each.name: each for each in task.objectives}
     listed = [(str(each["name"]), str(each["unit"]), bool(each["maximised"])) for each in run.objectives]
-    wanted = [(each.name, each.unit, bool(each.maximise)) for each in task.objectives]
-    yield demand("objectives' names", listed == wanted, f"the problem has {_names(wanted)}, run.json {_names(listed)}")
+    objectives = [(each.name, each.unit, bool(each.maximise)) for each in task.objectives]
+    yield demand(
+        "objectives' names", listed == objectives, f"the problem has {_names(objectives)}, run.json {_names(listed)}"
+    )
     yield from check_path(task, model)
     certified = "kkt_residual" in run.table
     for row, number in enumerate(run.ids.tolist()):

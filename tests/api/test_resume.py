@@ -58,8 +58,10 @@ def check_same(resumed: pk.Front | pk.Plan, whole: pk.Front | pk.Plan) -> None:
             assert (one.objective, one.label, one.status) == (other.objective, other.label, other.status)
             assert np.array_equal(one.motion.q, other.motion.q)
     differ = {"counts", "refined", "parent"}
-    told = [{key: value for key, value in each.provenance.items() if key not in differ} for each in (resumed, whole)]
-    assert told[0] == told[1]
+    former, now = (
+        {key: value for key, value in each.provenance.items() if key not in differ} for each in (whole, resumed)
+    )
+    assert now == former
 
 
 @pytest.mark.parametrize("verb", PROBLEMS)
@@ -213,3 +215,25 @@ def test_what_rows_that_are_evaluated_one_by_one_took_is_not_lost_within_a_gener
     assert np.array_equal(resumed.objectives, whole.objectives)
     assert 12 > before > 0
     assert counted.stat().st_size == (tmp_path / "whole").stat().st_size == 24
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"verb": "resolve"},
+        {"verb": ["solve"]},
+        {"settings": None},
+        {"settings": {"nothing of ours": 1}},
+        {"versions": "new"},
+    ],
+)
+def test_a_run_file_that_someone_made_up_is_refused_in_a_line(copy, change):
+    from paretoik.run_files import check_digest, read_run, run_bytes
+
+    run = read_run(copy / RUN)
+    check_digest(copy / RUN, run)
+    del run["format"]
+    (copy / RUN).write_bytes(run_bytes(run | change))
+    with pytest.raises(InvalidRun, match=r"wanted .+, got .+") as refused:
+        pk.resume(copy, tracking())
+    assert "\n" not in str(refused.value)

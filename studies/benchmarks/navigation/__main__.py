@@ -23,7 +23,8 @@ import numpy as np
 import paretoik as pk
 from studies.benchmarks.navigation.cases import CASES, QUICK, peers_of
 from studies.benchmarks.navigation.moves import random_aim, try_move
-from studies.benchmarks.navigation.tally import AROUND, Tally, rows_of
+from studies.benchmarks.navigation.options import OPTIONS
+from studies.benchmarks.navigation.tally import Tally, rows_of
 from studies.reporting import Row, report, study_parser, tell
 
 
@@ -34,7 +35,7 @@ def run_case(name: str, moves: int, folder: Path) -> list[Row]:
     problem = case.make()
     front = pk.epsilon_front(problem, points=case.points, starts=12, seed=0, observe=False)
     peers, bounds = peers_of(case, problem, folder), len(problem.program().upper)
-    denser = front.refine_around(int(front.ids[len(front) // 2]), points=AROUND)  # compiled once, too
+    denser = front.refine_around(int(front.ids[len(front) // 2]), points=OPTIONS.around)  # compiled once, too
     tally.around = len(np.setdiff1d(denser.ids, front.ids))
     for i in range(moves):
         if i % 10 == 0:

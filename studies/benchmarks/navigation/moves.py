@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,31 +15,8 @@ from paretoik.nlp.program import Program
 from paretoik.pareto.goals import Aim, Wish
 from paretoik.pareto.navigation import FrontPoints, reach
 from studies.benchmarks.navigation.cases import Peer
+from studies.benchmarks.navigation.options import OPTIONS
 from studies.benchmarks.navigation.tally import Tally, Try
-
-
-@dataclass(frozen=True, kw_only=True)
-class MoveOptions:
-    """How far random moves go, and what counts; all but ``critical`` and ``violation`` are shares of a range.
-
-    A move goes from ``least`` to ``most``. It is certified up to a residual ``critical`` and a ``violation``, the same
-    as another one within ``same``. Its exchange rate is right within the share ``rate`` of what a further move by
-    ``rate_step`` measures, where every objective has a ``weight``. That step is as small as the residuals of both ends
-    allow: fronts of sliders are so curved that over 1e-3 the mean rate is 1.65 times the certificate's, 1.04 over 1e-4
-    and 1.0001 over 1e-5.
-    """
-
-    least: float = 0.01
-    most: float = 0.2
-    critical: float = 1e-6
-    violation: float = 1e-8
-    same: float = 1e-5
-    rate: float = 0.05
-    rate_step: float = 1e-5
-    weight: float = 1e-3
-
-
-OPTIONS = MoveOptions()
 
 
 def random_aim(front: pk.Front, objectives: int, rng: np.random.Generator) -> tuple[int, Aim]:
@@ -48,7 +24,7 @@ def random_aim(front: pk.Front, objectives: int, rng: np.random.Generator) -> tu
     widths, values = np.ptp(front.ranges, axis=1), front.minimised
     while True:
         row, k = int(rng.integers(len(front))), int(rng.integers(len(widths)))
-        by = float(np.exp(rng.uniform(np.log(OPTIONS.least), np.log(OPTIONS.most))))
+        by = float(np.exp(rng.uniform(np.log(OPTIONS.shortest), np.log(OPTIONS.longest))))
         if by <= (values[row, k] - values[:, k].min()) / widths[k]:
             break
     payer = int(rng.choice([j for j in range(len(widths)) if j != k]))

@@ -9,9 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from studies.benchmarks.navigation.cases import Case
+from studies.benchmarks.navigation.options import OPTIONS
 from studies.reporting import Row
-
-AROUND = 4  # points that are asked for around one
 
 
 class Try(NamedTuple):
@@ -68,7 +67,7 @@ def rows_of(name: str, case: Case, tally: Tally) -> list[Row]:
         row("followed along its branch", f"of {len(tally.followed)}", "%", share(tally.followed)),
         row("rates within 5 % of a small move", f"of {len(tally.rate)}", "%", share(tally.rate)),
         row("out of reach for all methods", "moves", "", tally.unreachable),
-        row("new points around one", f"of {AROUND}", "", tally.around),
+        row("new points around one", f"of {OPTIONS.around}", "", tally.around),
         step,
         row("a step with its certificate", "median", "ms CPU", median(tally.whole)),
     ]

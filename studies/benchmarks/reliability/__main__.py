@@ -14,6 +14,7 @@ from __future__ import annotations
 import tempfile
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -23,17 +24,31 @@ from studies.benchmarks.reliability.journals import count_flips, count_wrong_cut
 from studies.benchmarks.reliability.kills import COMMANDS, Kill, Kind, WholeRun, kill, run_killed, whole_run
 from studies.reporting import Row, report, study_parser, tell
 
-KILLS, QUICK_KILLS = 240, 12
-CUTS, FLIPS = 2000, 1000
-AGAIN = 3  # every so many are killed twice
+
+@dataclass(frozen=True, kw_only=True)
+class ReliabilityOptions:
+    """How many ``kills`` there are, ``quick`` ones, every so many ``twice``; bytes of ``cuts`` and bits of ``flips``.
+
+    A journal is cut that has so many bytes, ``size``, at least.
+    """
+
+    kills: int = 240
+    quick: int = 12
+    twice: int = 3
+    cuts: int = 2000
+    flips: int = 1000
+    size: int = 50_000
+
+
+OPTIONS = ReliabilityOptions()
 
 
 def main() -> None:
     """Run the benchmark."""
-    parser = study_parser(__doc__ or "", quick=f"{QUICK_KILLS} kills")
-    parser.add_argument("--kills", type=int, metavar="N", help=f"how many ({KILLS})")
+    parser = study_parser(__doc__ or "", quick=f"{OPTIONS.quick} kills")
+    parser.add_argument("--kills", type=int, metavar="N", help=f"how many ({OPTIONS.kills})")
     arguments = parser.parse_args()
-    count = arguments.kills or (QUICK_KILLS if arguments.quick else KILLS)
+    count = arguments.kills or (OPTIONS.quick if arguments.quick else OPTIONS.kills)
     with tempfile.TemporaryDirectory() as folder:
         rows = [*_kill_rows(Path(folder), count), *_journal_rows(Path(folder))]
     report(rows, json_file=arguments.json)
@@ -46,7 +61,7 @@ def _kill_rows(folder: Path, count: int) -> Iterator[Row]:
         run = whole_run(name, folder / name.replace(" ", "_"), search)
         kills = []
         for number, (kind, moment) in enumerate(_moments(run, -(-count // len(COMMANDS)))):
-            again = run.seconds / 3 if number % AGAIN == 0 else None
+            again = run.seconds / 3 if number % OPTIONS.twice == 0 else None
             kills.append(kill(run, kind, moment, folder / "killed", again=again))
             tell(f"{name}: killed {len(kills)} times, {kills[-1].kind} {kills[-1].moment:.3g}: {kills[-1].outcome}")
         yield from _rows(name, kills)
@@ -75,11 +90,10 @@ def _rows(name: str, kills: list[Kill]) -> Iterator[Row]:
 
 def _journal_rows(folder: Path) -> Iterator[Row]:
     tell("a journal, cut and damaged")
-    run = WholeRun(name="search", command=COMMANDS["search"], events=0, seconds=0.0, result="")
-    content = _journal_of(run, folder / "journal")
-    cuts = count_wrong_cuts(content, folder / "part", last=CUTS)
-    flips = count_flips(content, folder / "part", flips=FLIPS)
-    note = f"of {min(CUTS, len(content))} bytes at its end, {len(content)} in all"
+    content = _journal_of(COMMANDS["search"], folder / "journal")
+    cuts = count_wrong_cuts(content, folder / "part", last=OPTIONS.cuts)
+    flips = count_flips(content, folder / "part", flips=OPTIONS.flips)
+    note = f"of {min(OPTIONS.cuts, len(content))} bytes at its end, {len(content)} in all"
     yield Row(table="journal", row="cuts", column="wrong", unit="", ours=cuts, reference=0, source="goal", note=note)
     note = ", ".join(f"{number} {outcome}" for outcome, number in flips.items())
     yield Row(
@@ -94,13 +108,13 @@ def _journal_rows(folder: Path) -> Iterator[Row]:
     )
 
 
-def _journal_of(run: WholeRun, folder: Path) -> bytes:
-    """Return the journal of a run that is killed as its result is written."""
+def _journal_of(command: tuple[str, ...], folder: Path) -> bytes:
+    """Return the journal of a command that is killed, later and later until it has enough."""
     moment = 1.0
     while True:
-        run_killed(run.command, folder, "time", moment)
+        run_killed(command, folder, "time", moment)
         journal = folder / CHECKPOINT / JOURNAL
-        if journal.exists() and journal.stat().st_size > 50_000:
+        if journal.exists() and journal.stat().st_size > OPTIONS.size:
             return journal.read_bytes()
         moment += 1.0
 
