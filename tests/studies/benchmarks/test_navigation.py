@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from studies.benchmarks.navigation.cases import Case, Goals
-from studies.benchmarks.navigation.moves import OPTIONS, random_aim
+from studies.benchmarks.navigation.moves import random_aim
+from studies.benchmarks.navigation.options import OPTIONS
 from studies.benchmarks.navigation.tally import Tally, rows_of
 from tests.front.test_navigation import front
 
@@ -17,7 +18,7 @@ def test_a_random_move_goes_no_further_than_the_best_of_the_front():
     for _ in range(100):
         row, aim = random_aim(one, 3, rng)
         k = aim.wish.improve
-        assert OPTIONS.least <= aim.wish.by <= OPTIONS.most
+        assert OPTIONS.shortest <= aim.wish.by <= OPTIONS.longest
         assert one.minimised[row, k] - aim.wish.by * widths[k] >= one.minimised[:, k].min() - 1e-12
         assert aim.wish.payers[0] != k
         assert aim.weights.sum() == pytest.approx(1.0)
