@@ -16,6 +16,7 @@ import pytest
 
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.review.drawing.parallel_axes import drawn_rows
+from paretoik.robot.kinematics import link_nodes
 from paretoik.task.motion import Motion
 from tests.review.reading import read, rows
 
@@ -121,11 +122,13 @@ def test_nothing_is_left_of_a_motion_that_took_longer(make_front, tmp_path):
     view = front.view()
     for number in front.ids[[1, 2, 0]].tolist():
         view.show(number)
-        time = np.round(np.asarray(view.choice.motion.time) * 1e9).astype(int)
+        motion = view.choice.motion
+        time = np.round(np.asarray(motion.time) * 1e9).astype(int)
         drawn = rows(sent(view, tmp_path)["/choice/arm/chosen/joints"], "motion", "positions")
         at = np.array(sorted(drawn))
         assert set(time) <= set(drawn)
-        links = view.choice.motion.links[np.searchsorted(time, at, side="right") - 1]
+        q = np.stack([np.interp(at, time, each) for each in motion.q.T], axis=1)  # between samples joints move evenly
+        links = np.asarray(link_nodes(motion.arm, q))
         np.testing.assert_allclose(np.array([drawn[each] for each in at]), links, rtol=1e-5, atol=1e-6)
     assert max(drawn) == round(1.7e9)
 
