@@ -20,6 +20,7 @@ from paretoik.front.compromise import compromise
 from paretoik.front.front import Choice, Front
 from paretoik.inputs import check_function
 from paretoik.review.drawing.choice_layer import ROOTS, ChoiceLayer
+from paretoik.review.drawing.motion_scene import motion_frames
 from paretoik.review.drawing.parallel_axes import drawn_rows
 from paretoik.review.drawing_options import DRAWING, VIEWS
 from paretoik.review.even_rows import even_rows
@@ -88,7 +89,7 @@ class FrontView:
         """Draw the choice at all times that anything was drawn at before, so that nothing of that is left."""
         motion = self._choice.motion
         if getattr(motion, "time", None) is not None:
-            self._times = np.union1d(self._times, np.asarray(motion.time) - motion.time[0])
+            self._times = np.union1d(self._times, motion_frames(np.asarray(motion.time) - motion.time[0]))
         self._layer.log_choices(self._stream, self._times)
 
     def _receive(self, event: Any) -> None:

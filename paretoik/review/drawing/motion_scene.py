@@ -126,7 +126,7 @@ class MotionScene:
         if motion is None or motion.is_standing:
             return
         samples = motion.time - motion.time[0]
-        times = np.union1d(_frames(samples), times)
+        times = np.union1d(motion_frames(samples), times)
         columns = [rr.TimeColumn("motion", duration=times)]
         q = np.stack([np.interp(times, samples, each) for each in motion.q.T], axis=1)
         self.send_postures(recording, self.layer(point), columns, q, point.axis)
@@ -207,10 +207,10 @@ class MotionScene:
         return np.asarray(link_nodes(self.workcell.arm, q))
 
 
-def _frames(samples: Times) -> Float[np.ndarray, " frames"]:
+def motion_frames(samples: Times) -> Float[np.ndarray, " frames"]:
     """Return the times of samples [s], and so many between them that an arm is nowhere seen to lag behind.
 
-    >>> _frames(np.array([0.0, 1.0]))[[0, 25, -1]].tolist()
+    >>> motion_frames(np.array([0.0, 1.0]))[[0, 25, -1]].tolist()
     [0.0, 0.25, 1.0]
     """
     longest = np.ptp(samples) / DRAWING.motion_frames
