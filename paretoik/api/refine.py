@@ -101,8 +101,8 @@ def refine(
         observe=observe,
         time_limit=time_limit,
         resumable=True,
+        source=front,
     ) as session:
-        session.keep_source(front)
         display = RefinementDisplay(session, front, problem)
         with session.computing(time_limit):
             refined = refine_front(front, problem, solver=solver, observe=session.observe or False)

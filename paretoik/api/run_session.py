@@ -159,12 +159,6 @@ class RunSession(VerbSession):
             self.show(RunProgress(stage="recording", summary="completing the recording"))
             self.recorder.finish(end)
 
-    def keep_source(self, front: Front) -> None:
-        """Save the front that the run begins with, should it be stopped: it goes on from there."""
-        if self.folder is not None and not (self.folder / SOURCE).exists():
-            run = {} if front.folder is None else {"run": str(front.folder)}
-            replace(front, provenance={**front.provenance, **run}).save(self.folder / SOURCE)
-
     def save_draft(self, front: Front) -> None:
         """Save a front, should what follows fail."""
         if self.folder is not None:
@@ -225,11 +219,12 @@ def run_session(
     catch_signals: bool = True,
     live: bool = False,
     resumable: bool = False,
+    source: Front | None = None,
 ) -> Iterator[RunSession]:
     """Open a run: claim its folder, catch signals, and save why it failed if it does.
 
     Without ``catch_signals`` a signal ends the body as it would have without a run. What one that is ``resumable``
-    computes goes into its journal. Raises InvalidInput where the
+    computes goes into its journal; ``source`` is the front that it begins with, if any. Raises InvalidInput where the
     folder cannot be used, a setting cannot be JSON, or what is to be seen live has no folder to be recorded in.
     """
     check_flag("live", live)
@@ -256,6 +251,8 @@ def run_session(
         if folder is not None and not has_result(folder):
             write_run(folder, {**provenance, "status": "running"})
         if folder is not None and resumable:
+            if source is not None and not isinstance(out, StoppedRun):
+                _save_source(source, folder)  # before there is a journal: what has one can go on
             stack.enter_context(journalled(folder / CHECKPOINT / JOURNAL))
         try:
             yield session
@@ -282,3 +279,9 @@ def _folder(out: str | Path | None, *, overwrite: bool) -> Iterator[Path | None]
     else:
         with claim_folder(file_path("out", out), overwrite=overwrite) as folder:
             yield folder
+
+
+def _save_source(front: Front, folder: Path) -> None:
+    """Save the front that a run begins with, and where it is from, should the run be stopped: it goes on from there."""
+    run = {} if front.folder is None else {"run": str(front.folder)}
+    replace(front, provenance={**front.provenance, **run}).save(folder / SOURCE)

@@ -29,7 +29,7 @@ from studies.reporting import Row, report, study_parser, tell
 class ReliabilityOptions:
     """How many ``kills`` there are, ``quick`` ones, every so many ``twice``; bytes of ``cuts`` and bits of ``flips``.
 
-    A journal is cut that has so many bytes, ``size``, at least.
+    The journal that is cut is that of a search of so many ``generations``, stopped after so many ``seconds``.
     """
 
     kills: int = 240
@@ -37,7 +37,8 @@ class ReliabilityOptions:
     twice: int = 3
     cuts: int = 2000
     flips: int = 1000
-    size: int = 50_000
+    generations: int = 10_000
+    seconds: float = 2.0
 
 
 OPTIONS = ReliabilityOptions()
@@ -109,14 +110,10 @@ def _journal_rows(folder: Path) -> Iterator[Row]:
 
 
 def _journal_of(command: tuple[str, ...], folder: Path) -> bytes:
-    """Return the journal of a command that is killed, later and later until it has enough."""
-    moment = 1.0
-    while True:
-        run_killed(command, folder, "time", moment)
-        journal = folder / CHECKPOINT / JOURNAL
-        if journal.exists() and journal.stat().st_size > OPTIONS.size:
-            return journal.read_bytes()
-        moment += 1.0
+    """Return the journal of a command that its time limit stops."""
+    limits = f"--generations={OPTIONS.generations}", f"--time-limit={OPTIONS.seconds}"
+    run_killed((*command, *limits), folder, "time", np.inf)
+    return (folder / CHECKPOINT / JOURNAL).read_bytes()
 
 
 if __name__ == "__main__":

@@ -36,7 +36,7 @@ class Killer:
             return
         if not self._claimed and "run.json" in str(arguments[0]):
             self._claimed = time.monotonic()
-            if self._kind == "time":
+            if self._kind == "time" and self._moment < threading.TIMEOUT_MAX:
                 timer = threading.Timer(self._moment, self._kill)
                 timer.daemon = True
                 timer.start()

@@ -64,7 +64,7 @@ class Kill:
 def whole_run(name: str, folder: Path, search: Path) -> WholeRun:
     """Do a run without a kill."""
     command = tuple(str(search) if word == "SEARCH" else word for word in COMMANDS[name])
-    process = run_killed(command, folder, "time", 1e6)
+    process = run_killed(command, folder, "time", np.inf)
     if process.returncode != 0:
         raise RuntimeError(f"{name}: {process.stderr}")
     done = json.loads(process.stderr.splitlines()[-1])
@@ -82,7 +82,7 @@ def kill(run: WholeRun, kind: Kind, moment: float, folder: Path, *, again: float
         if not can_resume(folder):
             break
         command = ("resume", str(folder))
-        resumed = run_killed(command, folder, "time", 1e6 if limit is None else limit, out=False)
+        resumed = run_killed(command, folder, "time", np.inf if limit is None else limit, out=False)
         if resumed.returncode not in (0, -signal.SIGKILL):
             cause = resumed.stderr.strip().splitlines()[-2:][0]
             return Kill(name=run.name, kind=kind, moment=moment, outcome="refused", unsaved=unsaved, cause=cause)
