@@ -110,8 +110,9 @@ def refine(
         ending = {"status": session.stopped_by or "refined", "counts": counts, "parent": former}
         refined = replace(refined, provenance={**session.provenance, **ending})
         session.finish(refined)
-        display.show(refined)
-        review_front(refined, session)
+        with session.reviewing():
+            display.show(refined)
+            review_front(refined, session)
     return refined
 
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import shutil
 import time
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path, PosixPath
@@ -27,6 +28,7 @@ from paretoik.review.recording.recorder import Recorder, Scene, SearchedFront
 from paretoik.review.recording.workcell import Workcell
 from paretoik.run_files import CHECKPOINT, JOURNAL, RECORDING, STOPPED, has_result, write_run
 from paretoik.stop_flag import STOP, Interrupted
+from paretoik.user_functions import cause_of
 
 SOURCE = Path(CHECKPOINT, "source")  # within a run's folder
 PACKAGES = ("paretoik", "pymoo", "numpy", "scipy", "numba", "clarabel")  # whose versions a result depends on
@@ -159,11 +161,29 @@ class RunSession(VerbSession):
             self.show(RunProgress(stage="recording", summary="completing the recording"))
             self.recorder.finish(end)
 
+    @contextmanager
+    def reviewing(self) -> Iterator[None]:
+        """Let the body complete the recording and draw pictures of a result that is saved; warn where it fails."""
+        try:
+            yield
+        except Exception as fault:  # a view may fail in any way, also by a function of a user's
+            text = f"{self.folder}: the result is saved, but not all views of it: {cause_of(fault)}"
+            warnings.warn(text, RuntimeWarning, stacklevel=4)
+
     def save_draft(self, front: Front) -> None:
         """Save a front, should what follows fail."""
         if self.folder is not None:
             replace(front, provenance={**front.provenance, "status": "refining"}).save(self.folder, overwrite=True)
             self.draft = front
+
+    def keep_found(self, front: Front, error: Exception) -> None:
+        """Save the front found before an error, which has it as its ``partial`` and says in a note where it is."""
+        error.partial = front  # type: ignore[attr-defined]
+        place = "the error's .partial"
+        with suppress(OSError):  # a full disk
+            self.save_draft(front)
+            place = place if self.folder is None else str(self.folder)
+        error.add_note(f"the front found by then, of {len(front)} points, is in {place}")
 
     def finish(self, front: Front) -> None:
         """Save the final front."""

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, TypeAlias
 
 import numpy as np
 from pymoo.core.problem import LoopedElementwiseEvaluation
 
-from paretoik.arrays import Genes
-from paretoik.errors import InvalidInput, InvalidRun
+from paretoik.arrays import Genes, Objectives
+from paretoik.errors import EvaluationFailed, InvalidRun
 from paretoik.journal import key_of, remembered
 from paretoik.search.ask_tell import Candidates, Outcome, Search
 from paretoik.stop_flag import check_interruption
+from paretoik.user_functions import user_function
 
 Evaluate: TypeAlias = Callable[[Genes], Mapping[str, Any]]
 
@@ -51,24 +52,24 @@ def evaluate_candidates(search: Search, candidates: Candidates, evaluate: Evalua
     return _outcome(values)
 
 
+def evaluate_again(search: Search, candidates: Candidates, evaluate: Evaluate) -> Objectives:
+    """Return F of the first row of a generation, evaluated once more; from the run's journal where it is there."""
+
+    def compute() -> dict[str, np.ndarray]:
+        return _table(evaluate_rows(search.problem, evaluate, candidates.X[:1]))
+
+    return remembered(key_of("again", search.names, search.seed, candidates.generation), compute)["F"]
+
+
 def evaluate_rows(problem: Any, evaluate: Evaluate, X: Genes) -> Outcome:
     """Evaluate a batch; if that raises, each row by itself: functions of users may raise anything, for any row."""
     try:
-        return Outcome.of(problem, evaluate(X.copy()), len(X))
-    except InvalidInput:
-        raise
-    except Exception:
-        outcome = Outcome.of(problem, {}, len(X))
-    for row in range(len(X)):
-        try:
-            alone = Outcome.of(problem, evaluate(X[row : row + 1].copy()), 1)
-            outcome.F[row], outcome.G[row], outcome.H[row] = alone.F[0], alone.G[0], alone.H[0]
-            if alone.causes:
-                outcome.causes[row] = alone.causes[0]
-        except Exception as error:
-            outcome.F[row] = np.nan
-            outcome.causes[row] = f"{type(error).__name__}: {' '.join(str(error).split())}"
-    return outcome
+        with user_function("the problem"):
+            return Outcome.of(problem, evaluate(X.copy()), len(X))
+    except EvaluationFailed as failure:
+        if len(X) == 1:
+            return replace(Outcome.of(problem, {}, 1), causes={0: str(failure)})
+    return _concatenate([evaluate_rows(problem, evaluate, X[row : row + 1]) for row in range(len(X))])
 
 
 def _evaluate_in_parts(problem: Any, evaluate: Evaluate, X: Genes, of: tuple[object, ...]) -> Outcome:

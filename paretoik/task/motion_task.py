@@ -214,7 +214,9 @@ class MotionTask:
         worst = int(np.argmax(violations))
         amount = f"by {100 * violations[worst]:.3g} % of its range"
         name, where = self.limit_names[worst], self._where(worst, motion, numbers)
-        if name == "clearance":
+        if np.isnan(violations[worst]):
+            message = f"{name} is nan{where}"
+        elif name == "clearance":
             message = f"clearance is {self.min_clearance - motion.clearance.min():.3g} m short{where}"
         else:
             message = f"{name} is {'exceeded' if where else 'violated'} {amount}{where}"
