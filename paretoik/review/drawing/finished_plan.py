@@ -122,7 +122,7 @@ class FinishedPlan:
         for number, level, row, points in self._walk:
             stream.reset_time()
             stream.set_time("start", sequence=number)
-            self._panel.log_until(stream, number)
+            self._panel.log_until(stream, number, looked_at=number)
             self._panel.log_start(stream, number)
             self._log_text(stream, start_text(self.scene, level, row))
             for chart, _, _ in self._charts:

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from paretoik.review.drawing.drawn_axes import Canvas
-from paretoik.review.drawing.label_places import label_place
+from paretoik.review.drawing.label_places import half_size, joined_label, joined_label_place, label_place, line_points
 from paretoik.review.drawing.panel_marks import log_ends
 from paretoik.review.drawing_options import MARKS
 from paretoik.review.recording.recorded_point import RecordedPoint
@@ -33,6 +33,39 @@ def test_a_label_covers_no_mark_where_one_side_is_free(mark):
     wide = Canvas(low=np.zeros(2), high=np.array([700.0, 390.0]), labels=("x", "y"), width=700.0)
     at = label_place(wide, np.array(mark), "point 29", crowd.reshape(-1, 2).astype(float))
     assert not (np.abs(crowd - at) < HALF).all(axis=1).any()
+
+
+@given(places, st.integers(0, 400))
+def test_a_joined_label_stands_on_nothing_even_where_dots_fill_the_frame(mark, side_room):
+    crowded = Canvas(low=CANVAS.low, high=CANVAS.high, labels=("x", "torque_norm [N²m²s]"), side_room=side_room)
+    crowd = np.array([(x, y) for x in range(0, 501, 16) for y in range(0, 391, 10)], dtype=float)
+    at, half = joined_label_place(crowded, np.array(mark), "point 29", crowd), half_size("point 29")
+    assert not (np.abs(crowd - at) < half).all(axis=1).any()
+    assert at[0] - half[0] >= crowded.upper_label_end  # nor on what the axis upwards is called
+    assert at[0] + half[0] <= 500 + side_room
+
+
+@given(places, st.lists(places, max_size=200))
+def test_a_label_is_beside_its_mark_or_a_line_joins_them(mark, others):
+    words, mark = "point 29\nbest torque_norm", np.array(mark)
+    label, line = joined_label(CANVAS, mark, words, np.array([mark, *others]), (255, 255, 255, 255))
+    middle, half = joined_label_place(CANVAS, mark, words, np.array([mark, *others])), half_size(words)
+    gap = float(np.linalg.norm(np.maximum(np.abs(mark - middle) - half, 0.0)))
+    strips = line.strips.as_arrow_array().to_pylist()
+    assert label.labels.as_arrow_array().to_pylist() == [words]
+    assert bool(strips) == (gap > MARKS.leader)
+    for start, end in strips:
+        np.testing.assert_allclose(start, mark, atol=1e-3)
+        assert (np.abs(np.array(end) - middle) <= half + 1e-3).all()
+
+
+@given(st.lists(st.tuples(places, places), min_size=1, max_size=4))
+def test_no_label_lies_between_two_points_of_a_line(ends):
+    lines = np.array(ends)
+    narrow = 2 * half_size("best") + 8.0  # what a label keeps free
+    for line in lines:
+        steps = np.diff(line_points(line[None]), axis=0)
+        assert (np.abs(steps) <= narrow).all()
 
 
 def test_best_points_that_are_one_are_rings_around_each_other_with_both_names(tmp_path):
