@@ -74,7 +74,9 @@ class MarkSizes:
     its mark than ``leader`` is joined to it by a line. Labels keep off so many points of any line, ``line_points``.
     Their lines are ``label_line`` apart. Curves are ``line`` wide, limits have dashes of ``dash``. Of a curve of dots
     more than ``many_dots`` are small; axes leave ``dot_margin`` of their range free on either side, so that none is
-    cut. A start of a plan has the radius ``start``; beyond the axes it is a dash of ``edge_dash`` at their edge.
+    cut. The chosen arm is ``solid_arm`` wide, those of best points are ``arms``, so that each is seen on the one before
+    where they coincide. A start of a plan has the radius ``start``; beyond the axes it is a dash of ``edge_dash`` at
+    their edge.
     """
 
     end: float = 5.2
@@ -89,6 +91,8 @@ class MarkSizes:
     line: float = 2.4
     dash: float = 7.0
     many_dots: int = 40
+    solid_arm: float = 3.2
+    arms: tuple[float, ...] = (2.4, 1.6, 0.9)
     start: float = 3.0
     edge_dash: float = 9.0
     dot_margin: float = 0.02

@@ -71,7 +71,7 @@ class FinishedMaxima:
         stream.log(f"{drawing.entity}/direction/line", drawing.strips([arrow], SCREEN.chosen, 2.0, 9.0))
         stream.log(f"{drawing.entity}/direction/head", drawing.points(arrow[1:], SCREEN.chosen, 4.5, 9.0))
         if is_reached[-1]:
-            drawing.log_arm(stream, CHOSEN, self._links[number - 1], colour=SCREEN.arm, solid=True)
+            drawing.log_arm(stream, CHOSEN, self._links[number - 1], None)
             if drawing.meshes is not None:
                 drawing.meshes.log_posture(stream, self.end.q[number - 1])
         else:

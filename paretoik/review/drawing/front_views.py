@@ -58,6 +58,10 @@ class FrontViews:
         stream.log(TEXT, rr.TextDocument(words, media_type="text/markdown"))
         self.log_cursors(stream, generation.number)
 
+    def log_note(self, stream: rr.RecordingStream, words: str) -> None:
+        """Say where points would be why there are none, at the current time; without words, no longer."""
+        self.search.scene.log_note(stream, self.canvases, words)
+
     def log_cursors(self, stream: rr.RecordingStream, number: int) -> None:
         """Let the cursors of charts stand at a generation or step, at the current time."""
         for chart, _, _ in self._charts:

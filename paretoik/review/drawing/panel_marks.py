@@ -32,22 +32,21 @@ def log_ends(
 ) -> None:
     """Mark the best points of the objectives called ``names`` at their ``places`` (points, 2), at the current time.
 
-    Of those that are one point, or the chosen one, every mark is a ring around the next, and their names stand beside
-    them, off ``others`` (points, 2) and what is ``taken`` [pixels], unless the former are None. ``of`` says whose ids
-    they have.
+    Of those that lie on each other, or on the chosen one, every mark is a ring around the next. The names of those that
+    are one point stand beside it, off ``others`` (points, 2) and what is ``taken`` [pixels], unless the former are
+    None. ``of`` says whose ids they have.
     """
     ends = [row for row, point in enumerate(points) if point.axis is not None]
     chosen = {point.id for point in points if point.axis is None}
-    marks, radii, hovered, shared = list[int](), list[float](), list[str](), dict[str, int]()
+    marks, hovered, shared = list[int](), list[str](), dict[str, int]()
     for row in ends:
-        same = [other for other in ends if points[other].id == points[row].id]
         if canvas.shows(places[row : row + 1])[0]:
             words = best_words(points, row, names)
             marks.append(row)
-            radii.append(MARKS.end + MARKS.ring * (len(same) - 1 - same.index(row) + (points[row].id in chosen)))
             hovered.append(f"point {points[row].id}{of}, {', '.join(words.splitlines())}")
-            if len(same) > 1 and points[row].id not in chosen:
+            if "\n" in words and points[row].id not in chosen:
                 shared[words] = row
+    radii = ring_radii(canvas.place(places), marks, [row for row, point in enumerate(points) if point.axis is None])
     colours, sizes = [SCREEN.end(points[row].axis or 0) for row in marks], rr.Radius.ui_points(radii)
     at = canvas.place(places[marks])
     markers = rr.Points2D(at, colors=colours, radii=sizes, labels=hovered, show_labels=False, draw_order=3.0)
@@ -58,6 +57,15 @@ def log_ends(
         shown, rows = list(shared)[number : number + 1], list(shared.values())[number : number + 1]
         everything = np.concatenate([places[rows], others, places])
         log_name(recording, [*entity, "ends", f"names_{number}"], canvas, shown, everything, SCREEN.text, taken=taken)
+
+
+def ring_radii(
+    at: Float[np.ndarray, "points 2"], marks: Sequence[int], chosen: Sequence[int]
+) -> Float[np.ndarray, " marks"]:
+    """Return the radii of marks [pixels] at their places among those of points: wider by a ring for each on top."""
+    apart = np.linalg.norm(at[list(marks), None] - at[[*marks, *chosen]], axis=2)
+    on_top = np.triu(apart < MARKS.end, k=1).sum(axis=1)  # a later mark is drawn above, the chosen point above all
+    return np.asarray(MARKS.end + MARKS.ring * on_top, dtype=float)
 
 
 def best_words(points: Sequence[RecordedPoint], row: int, names: Sequence[str]) -> str:

@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from paretoik.arrays import Ids, Objectives, Values
 from paretoik.formulations.protocol import Timeline
-from paretoik.review.drawing.drawn_axes import Canvas
+from paretoik.review.drawing.drawn_axes import Canvas, labels
 from paretoik.review.drawing.front_panels import Pair, Panels, normalised
 from paretoik.review.drawing.label_places import Labelled, log_name, named_area
 from paretoik.review.drawing.panel_lines import PanelLines
@@ -120,6 +120,12 @@ class SearchScene:
             chosen = marked[0] if marked else generation.chosen
             self.log_lines(recording, parallel, generation.front, chosen, reference=reference)
 
+    def log_note(self, recording: rr.RecordingStream, canvases: Sequence[Canvas], words: str) -> None:
+        """Say in the middle of every panel why it has no points, at the current time; without words, no longer."""
+        for pair, canvas in self._panels(canvases):
+            middle = canvas.origin + 0.5 * np.array([canvas.width, canvas.height])
+            recording.log([*self._panel(pair), "note"], labels([words], middle[None]) if words else rr.Points2D([]))
+
     def line_points(self, generation: Generation, canvases: Sequence[Canvas]) -> Float[np.ndarray, "points 2"]:
         """Return points [pixels] on the lines of a generation in the first panel, which has the labels of points."""
         return self._lines.points(canvases[0], self.panels.pairs[0], generation) if canvases else np.zeros((0, 2))
@@ -145,7 +151,7 @@ class SearchScene:
 
         Points outside a window are not drawn, but their numbers are kept with the others. Where points are ``named``,
         ``of`` says whose ids they have. What is chosen or looked at has its label, ``words`` or its name, where it
-        covers fewest of the points that are ``avoided``, what is ``taken`` [pixels] and the label of what is ``labelled``.
+        covers least of the points ``avoided``, of what is ``taken`` [pixels] and of the label of the one ``labelled``.
         """
         colour, _, order = LAYERS[layer]
         drawn = F if reference is None else normalised(F, reference)

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from paretoik.review.drawing.drawn_axes import Canvas
 from paretoik.review.drawing.label_places import half_size, joined_label, joined_label_place, label_place, line_points
-from paretoik.review.drawing.panel_marks import log_ends
+from paretoik.review.drawing.panel_marks import log_ends, ring_radii
+from paretoik.review.drawing.search_layers import LAYERS
 from paretoik.review.drawing_options import MARKS
 from paretoik.review.recording.recorded_point import RecordedPoint
 from tests.review.reading import read, rows
@@ -85,3 +86,15 @@ def test_best_points_that_are_one_are_rings_around_each_other_with_both_names(tm
     hovered = rows(entities["/front/ends"], "generation", "labels")[1].tolist()
     both = "point 4 of level 1, best energy, best way"
     assert hovered == [both, "point 7 of level 1, best torque", both]
+
+
+@given(st.lists(places, min_size=2, max_size=5), st.data())
+def test_the_mark_of_every_best_point_is_seen_whatever_lies_on_it(at, data):
+    near = data.draw(st.lists(st.integers(0, len(at) - 1), min_size=2, max_size=4))
+    at = np.array([at[place] for place in near])  # some of them in one place
+    marks, chosen = list(range(len(at) - 1)), [len(at) - 1]
+    radii = ring_radii(at, marks, chosen)
+    for row in marks:
+        for above in range(row + 1, len(at)):
+            if np.linalg.norm(at[row] - at[above]) == 0:
+                assert radii[row] > (radii[above] if above in marks else LAYERS["chosen"][1])

@@ -329,14 +329,11 @@ def test_a_closed_loop_opens_on_the_step_whose_search_was_recorded(tmp_path):
     for timeline, times in {"step": (0, 7, 30), "generation": (0, 5), "individual": (0, 3)}.items():
         for view, origin in views(file).items():
             for time in times:
-                if (
-                    timeline == "step"
-                    and time == 0
-                    and not origin.startswith(("/arm", "/step_7", "/joint", "/legend", "/text"))
-                ):
-                    continue  # the first step is step 1
                 drawn = [path for path in shown(entities, origin, timeline, time) if not path.endswith(FRAME)]
                 assert drawn, (view, origin, timeline, time)
+    notes = rows(entities[r"/front/joint_displacement\ -\ position_error/note"], "step", "labels")
+    assert notes[0].tolist() == ["no front before step 1"]
+    assert not len(notes.get(1, ()))
     words = rows(entities["/text"], "step", "text")
     assert str(words[0][0]).startswith("# Step 0\n\nThe arm stands where it begins")
     assert str(words[1][0]).startswith("# Step 1\n")
@@ -347,4 +344,4 @@ def test_a_closed_loop_opens_on_the_step_whose_search_was_recorded(tmp_path):
     searched = rows(entities["/step_7/text"], "generation", "text")
     assert all(str(searched[number][0]).startswith(f"# Step 7, generation {number}") for number in searched)
     one_by_one = rows(entities["/step_7/text"], "individual", "text")
-    assert f", 4 of {len(one_by_one)} by joint_displacement\n" in str(one_by_one[3][0])
+    assert f", number 4 of {len(one_by_one)} by joint_displacement\n" in str(one_by_one[3][0])
