@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from paretoik.review.drawing.plan_panel import PlanPanel
-from paretoik.review.drawing.point_text import counted, run_text
 from paretoik.review.drawing.screen_text import screen_text
 from paretoik.review.drawing_options import DRAWING
 from paretoik.review.recording.planned import PlanEnd, PlannedLevel, PlannedOptimum, PlannedScene
+from paretoik.review.run_words import counted, run_text
 
 
 def level_text(panel: PlanPanel, level: PlannedLevel) -> str:
@@ -71,15 +71,20 @@ def optimum_text(scene: PlannedScene, optima: Sequence[PlannedOptimum], place: i
     return screen_text("\n".join(line for line in lines if line))
 
 
-def plan_end_text(scene: PlannedScene, end: PlanEnd, starts: int) -> str:
-    """Return what is to be known of a plan that had so many starts over all its levels."""
+def plan_end_text(scene: PlannedScene, end: PlanEnd, first: int, starts: int) -> str:
+    """Return what is to be known of a plan whose ``first`` level had so many starts, and all together ``starts``."""
     lines = [optimum_text(scene, end.optima, 0, len(end.optima)), "", "## Optima", ""]
     lines += [
         f"- {place}: {_value(scene, each.point.objectives[0])}" + (f", {_branch(each)}" if each.branch else "")
         for place, each in enumerate(end.optima[: DRAWING.optima])
     ]
-    lines += [*_further(len(end.optima)), "", f"All levels together had {counted(starts, 'start')}."]
+    lines += [*_further(len(end.optima)), "", _start_counts(first, starts)]
     return screen_text("\n".join([*lines, "", run_text(end.provenance)]))
+
+
+def _start_counts(first: int, starts: int) -> str:
+    words = f"The first level had {counted(first, 'start')}"
+    return f"{words}; those after it begin from its optima, {starts - first} in all." if starts > first else f"{words}."
 
 
 def _branch(optimum: PlannedOptimum) -> str:

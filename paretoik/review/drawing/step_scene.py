@@ -19,13 +19,14 @@ from paretoik.review.drawing.arm_drawing import ArmDrawing
 from paretoik.review.drawing.drawn_axes import Canvas
 from paretoik.review.drawing.front_panels import normalised, outside_panels
 from paretoik.review.drawing.legend import Legend
-from paretoik.review.drawing.point_text import counted, outside_text, range_text
+from paretoik.review.drawing.point_text import outside_text, range_text
 from paretoik.review.drawing.screen_text import screen_text
 from paretoik.review.drawing.search_scene import SearchScene
 from paretoik.review.drawing_options import VIEWS
 from paretoik.review.palette import SCREEN
 from paretoik.review.recording.recorder import SearchedStep
 from paretoik.review.recording.workcell import Workcell
+from paretoik.review.run_words import counted
 from paretoik.robot.kinematics import link_nodes
 
 ENTRIES = (

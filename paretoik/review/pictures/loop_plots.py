@@ -10,8 +10,10 @@ from matplotlib.patches import Circle as Disc
 from matplotlib.patches import Polygon
 
 from paretoik.front.front import Front
+from paretoik.review.joint_units import joint_units
 from paretoik.review.palette import PAPER
 from paretoik.review.pictures.plots import label, picture, stroboscopic
+from paretoik.task.limits import JOINT_UNITS
 from paretoik.task.obstacles import Box, Circle, Obstacle
 
 
@@ -33,7 +35,7 @@ def loop_picture(motion: Any, values: np.ndarray, ranges: np.ndarray, front: Fro
         axes = joints.subplots()
         for j, (joint, name) in enumerate(zip(motion.q.T, motion.arm.joint_names, strict=True)):
             axes.plot(motion.time, joint, color=PAPER.accent(j), linewidth=1.2, label=name)
-        axes.set(xlabel="time [s]", ylabel="joint position [rad or m]")
+        axes.set(xlabel="time [s]", ylabel=f"joint position [{joint_units(motion.arm, JOINT_UNITS['position'])}]")
         axes.legend(frameon=False)
         rows = np.atleast_1d(chosen.subplots(values.shape[1], 1, sharex=True))
         for axis, axes in enumerate(rows):

@@ -9,9 +9,12 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from paretoik.resolution.traces import ResolvedMotion
+from paretoik.review.joint_units import joint_units
 from paretoik.review.palette import PAPER
 from paretoik.review.pictures.loop_plots import obstacle_patches
 from paretoik.review.pictures.plots import picture, stroboscopic
+from paretoik.task.limits import JOINT_UNITS
+from paretoik.task.task import error_unit
 
 
 def resolution_picture(motion: ResolvedMotion, criteria: list[str], file: Path | str) -> None:
@@ -32,7 +35,7 @@ def resolution_picture(motion: ResolvedMotion, criteria: list[str], file: Path |
         axes = joints.subplots()
         for j, (joint, name) in enumerate(zip(motion.q.T, motion.arm.joint_names, strict=True)):
             axes.plot(motion.time, joint, color=PAPER.accent(j), linewidth=1.2, label=name)
-        axes.set(xlabel="time [s]", ylabel="joint position [rad or m]")
+        axes.set(xlabel="time [s]", ylabel=f"joint position [{joint_units(motion.arm, JOINT_UNITS['position'])}]")
         axes.legend(frameon=False)
         above, below = steps.subplots(2, 1, sharex=True)
         _draw_errors(above, motion)
@@ -51,7 +54,7 @@ def _draw_errors(axes: Axes, motion: ResolvedMotion) -> None:
             motion.time[at], shown[at], color=PAPER.accent(number + 2), linestyle="none", marker=".", label=status
         )
         axes.legend(frameon=False)
-    axes.set_ylabel("error [m or rad]")
+    axes.set_ylabel(f"error [{error_unit(motion.tasks)}]")
 
 
 def _draw_criteria(axes: Axes, motion: ResolvedMotion, criteria: list[str]) -> None:
