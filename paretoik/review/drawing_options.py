@@ -68,10 +68,11 @@ class MarkSizes:
     """Sizes of marks and what stands around them, in pixels of the same viewer where nothing else is said.
 
     ``end`` is the radius of a best point, wider by ``ring`` around each mark on top of it. Labels stay ``clearance``
-    off the middle of their mark; those that find no room there go ``label_steps`` off, in heights of a label from the
-    nearest place on, and ``outside`` is what leaving the frame counts, in marks that are covered: more than there ever
-    are. Where none of these is free, a label goes to one of ``label_grid`` places across and down; what is farther off
-    its mark than ``leader`` is joined to it by a line. Labels keep off so many points of any line, ``line_points``.
+    off the middle of their mark and ``label_gap`` off others; those that find no room there go ``label_steps`` off, in
+    heights of a label from the nearest place on, and ``outside`` is what leaving the frame counts, in marks that are
+    covered: more than there ever are. Where none of these is free, a label goes to one of ``label_grid`` places across
+    and down; what is farther off its mark than ``leader`` is joined to it by a line. Labels keep off so many points of
+    any line, ``line_points``.
     Their lines are ``label_line`` apart. Curves are ``line`` wide, limits have dashes of ``dash``. Of a curve of dots
     more than ``many_dots`` are small; axes leave ``dot_margin`` of their range free on either side, so that none is
     cut. The chosen arm is ``solid_arm`` wide, those of best points are ``arms``, so that each is seen on the one before
@@ -84,6 +85,7 @@ class MarkSizes:
     clearance: float = 9.0
     label_steps: tuple[float, ...] = (1.0, 2.0, 3.5)
     outside: float = 1000.0
+    label_gap: float = 4.0
     label_grid: int = 12
     leader: float = 16.0
     line_points: int = 40

@@ -102,8 +102,8 @@ class RecordingPalette:
 
 
 def objective_label(name: str, unit: str, maximised: bool) -> str:
-    """Return the label of an objective's axis: its name, unit and sense."""
-    return name + (f" [{unit}]" if unit else "") + (", more is better" if maximised else "")
+    """Return the label of an objective's axis: its name, unit ([1] for none) and sense."""
+    return f"{name} [{unit or '1'}]" + (", more is better" if maximised else "")
 
 
 def screen_label(name: str, unit: str, maximised: bool) -> str:

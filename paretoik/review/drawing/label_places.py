@@ -7,16 +7,16 @@ from typing import TypeAlias
 
 import numpy as np
 import rerun as rr
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from paretoik.arrays import Objectives, Values
 from paretoik.review.drawing.drawn_axes import TEXT, Canvas, labels, text_width
 from paretoik.review.drawing_options import MARKS
+from paretoik.review.label_candidates import count_covered, freest_place, places_beside, places_between
 from paretoik.review.palette import Colour
 
 Labelled = tuple[Values, str]  # the objectives of a point and what its label says
 DrawnLabel: TypeAlias = tuple[rr.Points2D, rr.LineStrips2D]  # the words, and the line from them to their mark
-SIDES = np.array([(1, 0), (-1, 0), (0, -1), (0, 1), (1, -1), (-1, -1), (1, 1), (-1, 1)], dtype=float)
 
 
 def label_place(
@@ -27,10 +27,12 @@ def label_place(
     It lies within the frame wherever that has room.
     """
     half = half_size(words)
-    middles = _near_places(mark, half)
+    distances = tuple(MARKS.clearance + (step - 1.0) * TEXT.line for step in MARKS.label_steps)
+    middles = places_beside(mark, half, distances)
     low, high = canvas.origin, canvas.origin + np.array([canvas.width, canvas.height])
     outside = ((middles - half < low) | (middles + half > high)).any(axis=1)
-    return np.asarray(middles[(_covered(middles, half, others) + MARKS.outside * outside).argmin()])
+    covered = count_covered(middles, half, others, gap=MARKS.label_gap)
+    return np.asarray(middles[(covered + MARKS.outside * outside).argmin()])
 
 
 def joined_label_place(
@@ -41,12 +43,10 @@ def joined_label_place(
     Farther off are all places in the frame, then those of the margins, which nothing else is drawn in.
     """
     half, near = half_size(words), label_place(canvas, mark, words, others)
-    if not _covered(near[None], half, others).any():
+    if not count_covered(near[None], half, others, gap=MARKS.label_gap).any():
         return near
     middles = np.concatenate([near[None], _frame_places(canvas, half), _margin_places(canvas, half)])
-    covered = _covered(middles, half, others)
-    distances = np.linalg.norm(np.maximum(np.abs(middles - mark) - half, 0.0), axis=1)
-    return np.asarray(middles[np.lexsort((distances, covered))[0]])
+    return freest_place(middles, half, mark, others, MARKS.label_gap)
 
 
 def half_size(words: str) -> Float[np.ndarray, " 2"]:
@@ -129,16 +129,10 @@ def log_name(
     recording.log(list(entity), *label, static=static)
 
 
-def _near_places(mark: Float[np.ndarray, " 2"], half: Float[np.ndarray, " 2"]) -> Float[np.ndarray, "places 2"]:
-    return np.concatenate(
-        [mark + SIDES * (half + MARKS.clearance + (step - 1.0) * TEXT.line) for step in MARKS.label_steps]
-    )
-
-
 def _frame_places(canvas: Canvas, half: Float[np.ndarray, " 2"]) -> Float[np.ndarray, "places 2"]:
     """Return where a label of half a size lies within the frame."""
     low, high = canvas.origin + half, canvas.origin + np.array([canvas.width, canvas.height]) - half
-    return _places_between(low, high) if (low <= high).all() else np.zeros((0, 2))
+    return places_between(low, high, MARKS.label_grid) if (low <= high).all() else np.zeros((0, 2))
 
 
 def _margin_places(canvas: Canvas, half: Float[np.ndarray, " 2"]) -> Float[np.ndarray, "places 2"]:
@@ -148,23 +142,13 @@ def _margin_places(canvas: Canvas, half: Float[np.ndarray, " 2"]) -> Float[np.nd
     places = [np.zeros((0, 2))]
     if 2 * half[1] <= TEXT.top and begin + 2 * half[0] <= right + canvas.side_room:
         above = y - 0.95 * TEXT.line
-        places.append(_places_between(np.array([begin + half[0], above]), np.array([right - half[0], above])))
+        places.append(
+            places_between(np.array([begin + half[0], above]), np.array([right - half[0], above]), MARKS.label_grid)
+        )
     if 2 * half[0] + 8.0 <= canvas.side_room:
         low = np.array([right + 8.0 + half[0], y + half[1]])
-        places.append(_places_between(low, np.array([low[0], y + canvas.height - half[1]])))
+        places.append(places_between(low, np.array([low[0], y + canvas.height - half[1]]), MARKS.label_grid))
     return np.concatenate(places)
-
-
-def _places_between(low: Float[np.ndarray, " 2"], high: Float[np.ndarray, " 2"]) -> Float[np.ndarray, "places 2"]:
-    across, along = (np.linspace(a, max(a, b), MARKS.label_grid) for a, b in zip(low, high, strict=True))
-    return np.stack(np.meshgrid(across, along), axis=-1).reshape(-1, 2)
-
-
-def _covered(
-    middles: Float[np.ndarray, "places 2"], half: Float[np.ndarray, " 2"], others: Float[np.ndarray, "marks 2"]
-) -> Int[np.ndarray, " places"]:
-    """Return how many marks a label of half a size covers at each of its places."""
-    return np.asarray((np.abs(others[None] - middles[:, None]) < half + 4.0).all(axis=2).sum(axis=1))
 
 
 def _below_first(words: str) -> float:

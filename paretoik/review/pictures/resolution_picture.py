@@ -11,8 +11,7 @@ from matplotlib.axes import Axes
 from paretoik.resolution.traces import ResolvedMotion
 from paretoik.review.joint_units import joint_units
 from paretoik.review.palette import PAPER
-from paretoik.review.pictures.loop_plots import obstacle_patches
-from paretoik.review.pictures.plots import picture, stroboscopic
+from paretoik.review.pictures.plots import label_space, picture, stroboscopic
 from paretoik.task.limits import JOINT_UNITS
 from paretoik.task.task import error_unit
 
@@ -24,13 +23,14 @@ def resolution_picture(motion: ResolvedMotion, criteria: list[str], file: Path |
         parts: Any = figure.subfigures(1, 3, width_ratios=[1.2, 1.0, 1.0])
         arm, joints, steps = parts
         axes = arm.subplots(subplot_kw={"aspect": "equal"} if planar else {"projection": "3d"})
-        if planar:
-            obstacle_patches(axes, motion.obstacles)
         stroboscopic(axes, motion)
         for task in motion.tasks:
             path = task.path.positions[:, : 2 if planar else 3]
             axes.plot(*path.T, color=PAPER.accents[0], linewidth=1.0, linestyle="--", label="wanted")
-        axes.set(xlabel="x [m]", ylabel="y [m]")
+        if planar:
+            axes.set(xlabel="x [m]", ylabel="y [m]")
+        else:
+            label_space(axes)
         axes.legend(frameon=False, loc="upper right")
         axes = joints.subplots()
         for j, (joint, name) in enumerate(zip(motion.q.T, motion.arm.joint_names, strict=True)):
