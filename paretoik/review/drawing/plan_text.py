@@ -11,6 +11,7 @@ from paretoik.review.drawing.screen_text import screen_text
 from paretoik.review.drawing_options import DRAWING
 from paretoik.review.recording.planned import PlanEnd, PlannedLevel, PlannedOptimum, PlannedScene
 from paretoik.review.run_words import counted, run_text
+from paretoik.task.limits import JOINT_UNITS
 
 
 def level_text(panel: PlanPanel, level: PlannedLevel) -> str:
@@ -67,6 +68,7 @@ def optimum_text(scene: PlannedScene, optima: Sequence[PlannedOptimum], place: i
         f"- violation {optimum.violation_between:.2g} of a limit's range on a finer grid"
         if np.isfinite(optimum.violation_between)
         else "- leaves its path between the samples",
+        f"- as good and of the same branch: {twin}" if (twin := _twin_words(scene, optima, place)) else "",
     ]
     return screen_text("\n".join(line for line in lines if line))
 
@@ -75,11 +77,42 @@ def plan_end_text(scene: PlannedScene, end: PlanEnd, first: int, starts: int) ->
     """Return what is to be known of a plan whose ``first`` level had so many starts, and all together ``starts``."""
     lines = [optimum_text(scene, end.optima, 0, len(end.optima)), "", "## Optima", ""]
     lines += [
-        f"- {place}: {_value(scene, each.point.objectives[0])}" + (f", {_branch(each)}" if each.branch else "")
+        ", ".join(
+            filter(
+                None,
+                (
+                    f"- {place}: {_value(scene, each.point.objectives[0])}",
+                    _branch(each) if each.branch else "",
+                    _twin_words(scene, end.optima, place),
+                ),
+            )
+        )
         for place, each in enumerate(end.optima[: DRAWING.optima])
     ]
     lines += [*_further(len(end.optima)), "", _start_counts(first, starts)]
     return screen_text("\n".join([*lines, "", run_text(end.provenance)]))
+
+
+def _twin_words(scene: PlannedScene, optima: Sequence[PlannedOptimum], place: int) -> str:
+    """Return in what an optimum differs from the first before it that is told by the same value and branch; "" of none.
+
+    That is the largest difference of a joint at a sample, with its sign.
+    """
+    optimum = optima[place]
+    told = _value(scene, optimum.point.objectives[0])
+    same = [
+        number
+        for number, each in enumerate(optima[:place])
+        if (_value(scene, each.point.objectives[0]), each.branch) == (told, optimum.branch)
+    ]
+    own, other = optimum.point.motion, optima[same[0]].point.motion if same else None
+    if own is None or other is None:
+        return ""
+    apart = own.q - other.q
+    row, joint = np.unravel_index(int(np.abs(apart).argmax()), apart.shape)
+    arm = scene.workcell.arm
+    unit = JOINT_UNITS["position"][arm.joint_types[joint] == "prismatic"]
+    return f"{arm.joint_names[joint]} {apart[row, joint]:+.3g} {unit} from optimum {same[0]} at {own.time[row]:.3g} s"
 
 
 def _start_counts(first: int, starts: int) -> str:
