@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import rerun as rr
 
+from paretoik.review.drawing.drawn_axes import TEXT, text_width
 from paretoik.review.drawing.point_text import text_of
 from paretoik.review.drawing.search_charts import search_charts
 from paretoik.review.drawing.search_scene import SearchScene
@@ -91,3 +92,25 @@ def test_a_run_is_told_in_words():
     assert "- points of the front: 12" in run_text({"settings": {"points": 12}})
     assert "- starts for every redundant degree: 2" in run_text({"settings": {"starts": 2}, "counts": {"optima": 11}})
     assert "- ended: interrupted" in run_text({"status": "interrupted"})
+
+
+@pytest.mark.parametrize("n_obj", [2, 3])
+def test_the_name_of_the_compromise_lies_on_no_dot_of_a_crowded_front(tmp_path, n_obj):
+    names = tuple(f"objective_{axis}" for axis in range(n_obj))
+    crowded = SearchScene(names=names, units=("m",) * n_obj, maximised=(False,) * n_obj)
+    F, final = np.random.default_rng(2).uniform(0, 1, (2, 400, n_obj))
+    middle = int(np.linalg.norm(F - 0.5, axis=1).argmin())
+    point = RecordedPoint(id=middle, objectives=F[middle])
+    one = Generation(number=1, population=F[:50], front=F, front_ids=np.arange(len(F)), points=(point,))
+    canvases = crowded.canvases(F)
+    with rr.RecordingStream("crowd") as stream:
+        stream.save(tmp_path / "crowd.rrd")
+        stream.set_time("generation", sequence=1)
+        crowded.log_generation(stream, one, canvases, behind=final)
+    name = read(tmp_path / "crowd.rrd")["/front/objective_0\\ -\\ objective_1/chosen/name"]
+    place = rows(name, "generation", "positions")[1][0] + (0.0, TEXT.drop)
+    half = np.array([0.5 * text_width(f"point {middle}"), 0.4 * TEXT.line])
+    dots = canvases[0].place(np.concatenate([F, final])[:, :2])
+    assert not (np.abs(dots - place) < half).all(axis=1).any()
+    (leader,) = rows(name, "generation", "strips")[1]
+    np.testing.assert_allclose(leader[0], canvases[0].place(F[middle, :2]), rtol=1e-4)
