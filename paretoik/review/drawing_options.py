@@ -76,8 +76,8 @@ class MarkSizes:
     Their lines are ``label_line`` apart. Curves are ``line`` wide, limits have dashes of ``dash``. Of a curve of dots
     more than ``many_dots`` are small; axes leave ``dot_margin`` of their range free on either side, so that none is
     cut. The chosen arm is ``solid_arm`` wide, those of best points are ``arms``, so that each is seen on the one before
-    where they coincide. A start of a plan has the radius ``start``; beyond the axes it is a dash of ``edge_dash`` at
-    their edge.
+    where they coincide; in space, where thin lines would hide in wide ones, ``spatial_arms``. A start of a plan has the
+    radius ``start``; beyond the axes it is a dash of ``edge_dash`` at their edge.
     """
 
     end: float = 5.2
@@ -93,8 +93,9 @@ class MarkSizes:
     line: float = 2.4
     dash: float = 7.0
     many_dots: int = 40
-    solid_arm: float = 3.2
-    arms: tuple[float, ...] = (2.4, 1.6, 0.9)
+    solid_arm: float = 4.0
+    arms: tuple[float, ...] = (2.9, 1.8, 0.9)
+    spatial_arms: tuple[float, float] = (3.2, 1.6)
     start: float = 3.0
     edge_dash: float = 9.0
     dot_margin: float = 0.02

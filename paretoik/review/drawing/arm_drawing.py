@@ -115,7 +115,8 @@ class ArmDrawing:
         """Log the colours and widths of an arm, for all times; return the entities of its lines."""
         entity, (kind, dots) = f"{self.entity}/{layer}", self._kinds
         solid, place = axis is None, 0 if axis is None else axis % len(MARKS.arms)
-        colour, width = (SCREEN.arm, MARKS.solid_arm) if axis is None else (SCREEN.end(axis), MARKS.arms[place])
+        widths = (MARKS.solid_arm, MARKS.arms[place]) if self.planar else MARKS.spatial_arms
+        colour, width = (SCREEN.arm if axis is None else SCREEN.end(axis)), widths[0 if solid else 1]
         order = 5.0 if solid else 7.0 + 0.1 * place
         parts: dict[str, tuple[Any, Colour, float]] = {"links": (rr.Radius.ui_points(width), colour, order)}
         if solid and self._width and self.planar:
