@@ -16,8 +16,8 @@ def places_beside(mark: Point, half: Point, distances: tuple[float, ...]) -> Pla
 
 
 def places_between(low: Point, high: Point, count: int) -> Places:
-    """Return so many places across and along from one corner to the other; on a line where they are out of order."""
-    across, along = (np.linspace(a, max(a, b), count) for a, b in zip(low, high, strict=True))
+    """Return so many places across and along from one corner to the other; one only where there is no way between."""
+    across, along = (np.linspace(a, b, count) if a < b else np.array([a]) for a, b in zip(low, high, strict=True))
     return np.stack(np.meshgrid(across, along), axis=-1).reshape(-1, 2)
 
 
@@ -25,7 +25,10 @@ def count_covered(
     middles: Places, half: Point, others: Float[np.ndarray, "marks 2"], *, gap: float = 0.0
 ) -> Int[np.ndarray, " places"]:
     """Return how many marks a label of half a size, and a ``gap`` around it, covers at each of its places."""
-    return np.asarray((np.abs(others[None] - middles[:, None]) < half + gap).all(axis=2).sum(axis=1))
+    across, along = (
+        np.abs(others[:, axis] - middles[:, axis, None]) < half[axis] + gap for axis in (0, 1)
+    )  # axis by axis: reducing pairs takes NumPy several times as long
+    return np.asarray((across & along).sum(axis=1))
 
 
 def freest_place(middles: Places, half: Point, mark: Point, others: Float[np.ndarray, "marks 2"], gap: float) -> Point:
