@@ -94,25 +94,22 @@ def plan_end_text(scene: PlannedScene, end: PlanEnd, first: int, starts: int) ->
 
 
 def _twin_words(scene: PlannedScene, optima: Sequence[PlannedOptimum], place: int) -> str:
-    """Return in what an optimum differs from the first before it that is told by the same value and branch; "" of none.
+    """Return in what an optimum differs from the first before it whose value and branch read the same; "" of none.
 
     That is the largest difference of a joint at a sample, with its sign.
     """
-    optimum = optima[place]
-    told = _value(scene, optimum.point.objectives[0])
-    same = [
-        number
-        for number, each in enumerate(optima[:place])
-        if (_value(scene, each.point.objectives[0]), each.branch) == (told, optimum.branch)
-    ]
-    own, other = optimum.point.motion, optima[same[0]].point.motion if same else None
-    if own is None or other is None:
+    words = [(_value(scene, each.point.objectives[0]), each.branch) for each in optima[: place + 1]]
+    twin = words.index(words[place])
+    motion, reference = optima[place].point.motion, optima[twin].point.motion
+    if twin == place or motion is None or reference is None:
         return ""
-    apart = own.q - other.q
-    row, joint = np.unravel_index(int(np.abs(apart).argmax()), apart.shape)
+    difference = motion.q - reference.q
+    row, joint = np.unravel_index(int(np.abs(difference).argmax()), difference.shape)
     arm = scene.workcell.arm
     unit = JOINT_UNITS["position"][arm.joint_types[joint] == "prismatic"]
-    return f"{arm.joint_names[joint]} {apart[row, joint]:+.3g} {unit} from optimum {same[0]} at {own.time[row]:.3g} s"
+    return (
+        f"{arm.joint_names[joint]} {difference[row, joint]:+.3g} {unit} from optimum {twin} at {motion.time[row]:.3g} s"
+    )
 
 
 def _start_counts(first: int, starts: int) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 from paretoik.front.front import Front
 from paretoik.review.joint_units import joint_units
 from paretoik.review.palette import PAPER
-from paretoik.review.pictures.plots import label, label_space, picture, stroboscopic
+from paretoik.review.pictures.plots import label, label_arm, picture, stroboscopic
 from paretoik.task.limits import JOINT_UNITS
 
 
@@ -26,10 +26,7 @@ def loop_picture(motion: Any, values: np.ndarray, ranges: np.ndarray, front: Fro
         planar = motion.arm.is_planar
         axes = arm.subplots(subplot_kw={"aspect": "equal"} if planar else {"projection": "3d"})
         stroboscopic(axes, motion)
-        if planar:
-            axes.set(xlabel="x [m]", ylabel="y [m]")
-        else:
-            label_space(axes)
+        label_arm(axes, planar=planar)
         axes = joints.subplots()
         for j, (joint, name) in enumerate(zip(motion.q.T, motion.arm.joint_names, strict=True)):
             axes.plot(motion.time, joint, color=PAPER.accent(j), linewidth=1.2, label=name)

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from paretoik.review.palette import PAPER
-from paretoik.review.pictures.plots import label_space, picture, stroboscopic
+from paretoik.review.pictures.plots import label_arm, picture, stroboscopic
 from paretoik.review.recording.planned import PlannedLevel
 from paretoik.trajectory.plan import Plan
 
@@ -35,7 +35,7 @@ def plan_picture(plan: Plan, levels: Sequence[PlannedLevel], label: str, unit: s
             axes.locator_params(nbins=4)
             axes.set_xlabel("x [m]")
             if not planar:
-                label_space(axes)
+                label_arm(axes, planar=False)
         if planar:
             panels[0].set_ylabel("y [m]")
 

@@ -122,9 +122,12 @@ def stroboscopic(axes: Axes, motion: Any, *, colour: str = PAPER.accents[1]) -> 
     axes.plot(*tool[-1:].T, color=colour, marker="o", markersize=4.5)
 
 
-def label_space(axes: Any) -> None:
-    """Name the axes of an arm in space, at one scale and with room for their names."""
-    axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
+def label_arm(axes: Any, *, planar: bool) -> None:
+    """Name the axes of an arm; in space they have one scale, and room for their names."""
+    axes.set(xlabel="x [m]", ylabel="y [m]")
+    if planar:
+        return
+    axes.set_zlabel("z [m]")
     axes.tick_params(pad=-2)
     for axis, pad in ((axes.xaxis, -2.0), (axes.yaxis, -2.0), (axes.zaxis, -1.0)):  # words stand off the ticks
         axis.labelpad = pad
@@ -225,7 +228,7 @@ def _draw_motions(figure: Figure | SubFigure, front: Front, highlights: Sequence
         axes.locator_params(nbins=4)
         axes.set_xlabel("x [m]")
         if not planar:
-            label_space(axes)
+            label_arm(axes, planar=False)
     if planar:
         np.atleast_1d(panels)[0].set_ylabel("y [m]")
 

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from paretoik.resolution.traces import ResolvedMotion
 from paretoik.review.joint_units import joint_units
 from paretoik.review.palette import PAPER
-from paretoik.review.pictures.plots import label_space, picture, stroboscopic
+from paretoik.review.pictures.plots import label_arm, picture, stroboscopic
 from paretoik.task.limits import JOINT_UNITS
 from paretoik.task.task import error_unit
 
@@ -27,10 +27,7 @@ def resolution_picture(motion: ResolvedMotion, criteria: list[str], file: Path |
         for task in motion.tasks:
             path = task.path.positions[:, : 2 if planar else 3]
             axes.plot(*path.T, color=PAPER.accents[0], linewidth=1.0, linestyle="--", label="wanted")
-        if planar:
-            axes.set(xlabel="x [m]", ylabel="y [m]")
-        else:
-            label_space(axes)
+        label_arm(axes, planar=planar)
         axes.legend(frameon=False, loc="upper right")
         axes = joints.subplots()
         for j, (joint, name) in enumerate(zip(motion.q.T, motion.arm.joint_names, strict=True)):

@@ -19,19 +19,19 @@ def optimum(place: int, value: float, branch: str, q: np.ndarray) -> PlannedOpti
     return PlannedOptimum(point=point, branch=branch, status="converged", violation_between=0.0)
 
 
-def test_optima_that_are_told_alike_are_told_apart_by_the_joint_that_differs_most():
+def test_optima_whose_words_are_the_same_are_distinguished_by_the_joint_that_differs_most():
     q = np.zeros((5, 3))
     turned, slid = q.copy(), q.copy()
     turned[1:3, 1] = -0.25, -0.5
     slid[4, 2] = 0.75  # of the joint that slides
     kinds = [(1.0, "+-", q), (1.0 + 1e-9, "+-", turned), (1.0, "++", turned), (1.0, "+-", slid), (2.0, "+-", turned)]
     optima = [optimum(place, *kind) for place, kind in enumerate(kinds)]
-    told = plan_end_text(SCENE, PlanEnd(optima=optima, provenance={}), 3, 5).splitlines()
-    assert "- 0: 1 J s, `+-`" in told
-    assert "- 1: 1 J s, `+-`, joint2 -0.5 rad from optimum 0 at 0.5 s" in told
-    assert "- 2: 1 J s, `++`" in told
-    assert "- 3: 1 J s, `+-`, joint3 +0.75 m from optimum 0 at 1 s" in told
-    assert "- 4: 2 J s, `+-`" in told
+    lines = plan_end_text(SCENE, PlanEnd(optima=optima, provenance={}), 3, 5).splitlines()
+    assert "- 0: 1 J s, `+-`" in lines
+    assert "- 1: 1 J s, `+-`, joint2 -0.5 rad from optimum 0 at 0.5 s" in lines
+    assert "- 2: 1 J s, `++`" in lines
+    assert "- 3: 1 J s, `+-`, joint3 +0.75 m from optimum 0 at 1 s" in lines
+    assert "- 4: 2 J s, `+-`" in lines
     assert "as good and of the same branch: joint2 -0.5 rad" in optimum_text(SCENE, optima, 1, 5)
     assert "as good" not in optimum_text(SCENE, optima, 2, 5)
 
