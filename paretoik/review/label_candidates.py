@@ -7,6 +7,8 @@ from jaxtyping import Float, Int
 
 Point = Float[np.ndarray, " 2"]
 Places = Float[np.ndarray, "places 2"]
+Lines = Float[np.ndarray, "lines 2 2"]
+NO_LINES = np.zeros((0, 2, 2))
 SIDES = np.array([(1, 0), (-1, 0), (0, -1), (0, 1), (1, -1), (-1, -1), (1, 1), (-1, 1)], dtype=float)
 
 
@@ -31,7 +33,33 @@ def count_covered(
     return np.asarray((across & along).sum(axis=1))
 
 
-def freest_place(middles: Places, half: Point, mark: Point, others: Float[np.ndarray, "marks 2"], gap: float) -> Point:
-    """Return the place that covers fewest marks; of such that whose label is nearest to its own `mark`."""
-    distances = np.linalg.norm(np.maximum(np.abs(middles - mark) - half, 0.0), axis=1)
-    return np.asarray(middles[np.lexsort((distances, count_covered(middles, half, others, gap=gap)))[0]])
+def freest_place(
+    middles: Places,
+    half: Point,
+    mark: Point,
+    others: Float[np.ndarray, "marks 2"],
+    gap: float,
+    lines: Lines = NO_LINES,
+) -> Point:
+    """Return the place that covers fewest marks, and whose line to its own `mark` crosses fewest ``lines``.
+
+    Of such that whose label is nearest to its mark.
+    """
+    ends = np.clip(mark, middles - half, middles + half)
+    crossed = count_crossed(mark, ends, lines)
+    distances = np.linalg.norm(ends - mark, axis=1)
+    return np.asarray(middles[np.lexsort((distances, crossed + count_covered(middles, half, others, gap=gap)))[0]])
+
+
+def count_crossed(start: Point, ends: Places, lines: Lines) -> Int[np.ndarray, " places"]:
+    """Return how many ``lines`` each way from a `start` to one of its ends crosses."""
+    tails, tips = lines[:, 0], lines[:, 1]
+    sides = _side(start, ends[:, None], tails) * _side(start, ends[:, None], tips)
+    ways = _side(tails, tips, start) * _side(tails, tips, ends[:, None])
+    return np.asarray(((sides < 0.0) & (ways < 0.0)).sum(axis=1))
+
+
+def _side(tail: np.ndarray, tip: np.ndarray, point: np.ndarray) -> np.ndarray:
+    """Return on which side of a line a point lies, by its sign."""
+    along, away = tip - tail, point - tail
+    return np.asarray(along[..., 0] * away[..., 1] - along[..., 1] * away[..., 0])

@@ -12,7 +12,15 @@ from jaxtyping import Float
 from paretoik.arrays import Objectives, Values
 from paretoik.review.drawing.drawn_axes import TEXT, Canvas, labels, text_width
 from paretoik.review.drawing_options import MARKS
-from paretoik.review.label_candidates import count_covered, freest_place, places_beside, places_between
+from paretoik.review.label_candidates import (
+    NO_LINES,
+    Lines,
+    count_covered,
+    count_crossed,
+    freest_place,
+    places_beside,
+    places_between,
+)
 from paretoik.review.palette import Colour
 
 Labelled = tuple[Values, str]  # the objectives of a point and what its label says
@@ -36,17 +44,23 @@ def label_place(
 
 
 def joined_label_place(
-    canvas: Canvas, mark: Float[np.ndarray, " 2"], words: str, others: Float[np.ndarray, "marks 2"]
+    canvas: Canvas,
+    mark: Float[np.ndarray, " 2"],
+    words: str,
+    others: Float[np.ndarray, "marks 2"],
+    lines: Lines = NO_LINES,
 ) -> Float[np.ndarray, " 2"]:
     """Return the middle of the label of a `mark` that a line joins to it: where beside it none is free, farther off.
 
-    Farther off are all places in the frame, then those of the margins, which nothing else is drawn in.
+    Farther off are all places in the frame, then those of the margins, which nothing else is drawn in. The line crosses
+    none of ``lines`` where that can be.
     """
     half, near = half_size(words), label_place(canvas, mark, words, others)
-    if not count_covered(near[None], half, others, gap=MARKS.label_gap).any():
+    is_covering = count_covered(near[None], half, others, gap=MARKS.label_gap).any()
+    if not is_covering and not count_crossed(mark, np.clip(mark, near - half, near + half)[None], lines).any():
         return near
     middles = np.concatenate([near[None], _frame_places(canvas, half), _margin_places(canvas, half)])
-    return freest_place(middles, half, mark, others, MARKS.label_gap)
+    return freest_place(middles, half, mark, others, MARKS.label_gap, lines)
 
 
 def half_size(words: str) -> Float[np.ndarray, " 2"]:
@@ -62,6 +76,15 @@ def label_points(
     return label_area(joined_label_place(canvas, mark, words, others), words)
 
 
+def label_lines(
+    canvas: Canvas, mark: Float[np.ndarray, " 2"], words: str, others: Float[np.ndarray, "marks 2"]
+) -> Lines:
+    """Return the line from a `mark` to its joined label, and the label's diagonals, for other lines not to cross."""
+    middle, half = joined_label_place(canvas, mark, words, others), half_size(words)
+    across = half * [1.0, -1.0]
+    return np.array([[mark, middle], [middle - half, middle + half], [middle - across, middle + across]])
+
+
 def label_area(middle: Float[np.ndarray, " 2"], words: str) -> Float[np.ndarray, "area 2"]:
     """Return points all over a label around its `middle`."""
     longest = max(words.split("\n"), key=len)
@@ -72,25 +95,30 @@ def label_area(middle: Float[np.ndarray, " 2"], words: str) -> Float[np.ndarray,
 
 def named_area(
     canvas: Canvas,
-    labelled: Labelled,
+    labelled: Labelled | None,
     columns: list[int],
     avoided: Objectives | None,
     taken: Float[np.ndarray, "taken 2"] | None = None,
-) -> Float[np.ndarray, "area 2"]:
-    """Return points all over the label of a point that is off what is ``avoided`` and ``taken`` [pixels].
+) -> tuple[Float[np.ndarray, "area 2"], Lines]:
+    """Return what is ``taken`` [pixels] with the label of a point off it and off what is ``avoided``, and its lines.
 
-    None where it is not shown.
+    Of a point that is not shown, or None, there is no label.
     """
-    place, words = labelled
-    places = place[None, columns]
+    area = np.zeros((0, 2)) if taken is None else taken
+    if labelled is None or not canvas.shows(labelled[0][None, columns])[0]:
+        return area, NO_LINES
+    places, words = labelled[0][None, columns], labelled[1]
     at = canvas.place(places if avoided is None else np.concatenate([places, avoided[:, columns]]))
-    others = at if taken is None else np.concatenate([at, taken])
-    return label_points(canvas, at[0], words, others) if canvas.shows(places)[0] else at[:0]
+    others = np.concatenate([at, area])
+    label = label_points(canvas, at[0], words, others)
+    return np.concatenate([area, label]), label_lines(canvas, at[0], words, others)
 
 
-def joined_label(canvas: Canvas, mark: np.ndarray, words: str, others: np.ndarray, colour: Colour) -> DrawnLabel:
+def joined_label(
+    canvas: Canvas, mark: np.ndarray, words: str, others: np.ndarray, colour: Colour, lines: Lines = NO_LINES
+) -> DrawnLabel:
     """Return the label of a `mark` at the best place for it, and where that is farther off a line to it."""
-    middle, half = joined_label_place(canvas, mark, words, others), half_size(words)
+    middle, half = joined_label_place(canvas, mark, words, others, lines), half_size(words)
     edge = np.clip(mark, middle - half, middle + half)
     joins = [np.stack([mark, edge])] if np.linalg.norm(edge - mark) > MARKS.leader else []
     line = rr.LineStrips2D(joins, colors=colour, radii=rr.Radius.ui_points(0.6), draw_order=3.8)
@@ -117,15 +145,17 @@ def log_name(
     colour: Colour,
     static: bool = False,
     taken: Float[np.ndarray, "area 2"] | None = None,
+    lines: Lines = NO_LINES,
 ) -> None:
     """Label the first of some places, off all of them, with the first of ``words``; without, take its label away.
 
-    It has none where the `canvas` does not show its place. What is ``taken`` [pixels] belongs to other labels or lines.
+    It has none where the `canvas` does not show its place. What is ``taken`` [pixels] belongs to other labels or lines;
+    the line to it crosses none of ``lines`` where that can be.
     """
     at, label = canvas.place(places), no_label()
     if words and canvas.shows(places[:1])[0]:
         others = at if taken is None else np.concatenate([at, taken])
-        label = joined_label(canvas, at[0], words[0], others, colour)
+        label = joined_label(canvas, at[0], words[0], others, colour, lines)
     recording.log(list(entity), *label, static=static)
 
 

@@ -164,11 +164,10 @@ class SearchScene:
             recording.log([*self._panel(pair), layer], points, static=static)
             if order > 3.0 and pair == self.panels.pairs[0]:
                 shown = names if words is None else words
-                areas = [] if labelled is None else [named_area(canvas, labelled, list(pair), avoided, taken)]
-                areas += [] if taken is None else [taken]
-                area = np.concatenate(areas) if areas else None
+                area, lines = named_area(canvas, labelled, list(pair), avoided, taken)
                 others = pairwise if avoided is None else np.concatenate([pairwise, avoided[:, list(pair)]])
-                log_name(recording, [*self._panel(pair), layer, "name"], canvas, shown, others, colour, static, area)
+                entity = [*self._panel(pair), layer, "name"]
+                log_name(recording, entity, canvas, shown, others, colour, static, area, lines)
         if layer != "final":
             numbers: dict[str, Any] = {} if ids is None else {"ids": ids}
             values = rr.AnyValues(F=F.ravel(), n_obj=F.shape[1], **numbers)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import numpy as np
 import rerun as rr
 from hypothesis import given
@@ -12,6 +14,7 @@ from paretoik.review.drawing.label_places import half_size, joined_label, joined
 from paretoik.review.drawing.panel_marks import log_ends, ring_radii
 from paretoik.review.drawing.search_layers import LAYERS
 from paretoik.review.drawing_options import MARKS
+from paretoik.review.label_candidates import NO_LINES, count_crossed
 from paretoik.review.recording.recorded_point import RecordedPoint
 from tests.review.reading import read, rows
 
@@ -58,6 +61,37 @@ def test_a_label_is_beside_its_mark_or_a_line_joins_them(mark, others):
     for start, end in strips:
         np.testing.assert_allclose(start, mark, atol=1e-3)
         assert (np.abs(np.array(end) - middle) <= half + 1e-3).all()
+
+
+corners = st.tuples(st.integers(0, 20), st.integers(0, 20))
+
+
+def cross(a, b, c, d) -> bool:
+    """Say whether the lines a to b and c to d cross, by the exact shares of both at which they would."""
+    (ux, uy), (vx, vy), (wx, wy) = ((q[0] - p[0], q[1] - p[1]) for p, q in ((a, b), (c, d), (a, c)))
+    whole = ux * vy - uy * vx
+    shares = () if whole == 0 else (Fraction(wx * vy - wy * vx, whole), Fraction(wx * uy - wy * ux, whole))
+    return bool(shares) and all(0 < share < 1 for share in shares)
+
+
+@given(corners, st.lists(corners, min_size=1, max_size=5), st.lists(st.tuples(corners, corners), max_size=5))
+def test_the_lines_that_are_crossed_are_counted(start, ends, lines):
+    counted = count_crossed(np.array(start, float), np.array(ends, float), np.array(lines, float).reshape(-1, 2, 2))
+    assert counted.tolist() == [sum(cross(start, end, *line) for line in lines) for end in ends]
+
+
+def test_the_line_to_a_label_goes_round_that_of_another_label():
+    named = Canvas(low=CANVAS.low, high=CANVAS.high, labels=("x", "torque_norm [N²m²s]"))
+    crowd = np.array([(x, y) for x in range(0, 501, 16) for y in range(0, 391, 10)], dtype=float)
+    mark, wall = np.array([15.0, 60.0]), np.array([[60.0, -40.0], [60.0, 35.0]])
+    straight, round_it = (joined_label_place(named, mark, "point 29", crowd, lines) for lines in (NO_LINES, wall[None]))
+    assert _is_crossed(mark, straight, wall)
+    assert not _is_crossed(mark, round_it, wall)
+
+
+def _is_crossed(mark: np.ndarray, middle: np.ndarray, wall: np.ndarray) -> bool:
+    half = half_size("point 29")
+    return bool(count_crossed(mark, np.clip(mark, middle - half, middle + half)[None], wall[None])[0])
 
 
 @given(st.lists(st.tuples(places, places), min_size=1, max_size=4))
