@@ -84,9 +84,9 @@ def test_the_line_to_a_label_goes_round_that_of_another_label():
     named = Canvas(low=CANVAS.low, high=CANVAS.high, labels=("x", "torque_norm [N²m²s]"))
     crowd = np.array([(x, y) for x in range(0, 501, 16) for y in range(0, 391, 10)], dtype=float)
     mark, wall = np.array([15.0, 60.0]), np.array([[60.0, -40.0], [60.0, 35.0]])
-    straight, round_it = (joined_label_place(named, mark, "point 29", crowd, lines) for lines in (NO_LINES, wall[None]))
+    straight, detour = (joined_label_place(named, mark, "point 29", crowd, lines) for lines in (NO_LINES, wall[None]))
     assert _is_crossed(mark, straight, wall)
-    assert not _is_crossed(mark, round_it, wall)
+    assert not _is_crossed(mark, detour, wall)
 
 
 def _is_crossed(mark: np.ndarray, middle: np.ndarray, wall: np.ndarray) -> bool:
