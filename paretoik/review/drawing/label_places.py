@@ -76,11 +76,9 @@ def label_points(
     return label_area(joined_label_place(canvas, mark, words, others), words)
 
 
-def label_lines(
-    canvas: Canvas, mark: Float[np.ndarray, " 2"], words: str, others: Float[np.ndarray, "marks 2"]
-) -> Lines:
-    """Return the line from a `mark` to its joined label, and the label's diagonals, for other lines not to cross."""
-    middle, half = joined_label_place(canvas, mark, words, others), half_size(words)
+def label_lines(mark: Float[np.ndarray, " 2"], middle: Float[np.ndarray, " 2"], words: str) -> Lines:
+    """Return the line from a `mark` to its label, and the label's diagonals, for other lines not to cross."""
+    half = half_size(words)
     across = half * [1.0, -1.0]
     return np.array([[mark, middle], [middle - half, middle + half], [middle - across, middle + across]])
 
@@ -110,8 +108,8 @@ def named_area(
     places, words = labelled[0][None, columns], labelled[1]
     at = canvas.place(places if avoided is None else np.concatenate([places, avoided[:, columns]]))
     others = np.concatenate([at, area])
-    label = label_points(canvas, at[0], words, others)
-    return np.concatenate([area, label]), label_lines(canvas, at[0], words, others)
+    middle = joined_label_place(canvas, at[0], words, others)
+    return np.concatenate([area, label_area(middle, words)]), label_lines(at[0], middle, words)
 
 
 def joined_label(
