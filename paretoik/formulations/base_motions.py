@@ -15,7 +15,8 @@ from paretoik.task.evaluation import evaluate_motions
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.motion_task_validation import START_TOLERANCE
-from paretoik.task.retraction import relative_errors
+from paretoik.task.retraction import relative_errors, task_errors
+from paretoik.task.task import describe_errors
 from paretoik.trajectory.program import joint_distance
 
 
@@ -69,7 +70,8 @@ def positions_on_path(task: MotionTask, motions: Motion) -> JointPaths:
             f"initial: motions of {task.arm.name} with {len(task.times)} samples wanted, got {motions.arm.name} with "
             f"{q.shape[1]}"
         )
-    deviation = float(task.motion(q).tracking_error.max())
     if np.abs(relative_errors(task.arm, task.tasks, q, task.targets)[0]).max() > START_TOLERANCE:
-        raise InvalidInput(f"initial: motions on the path wanted, got one that is {deviation:.3g} m or rad off")
+        largest = np.abs(task_errors(task.arm, task.tasks, q, task.targets)[0]).max(axis=(0, 1))
+        distance = describe_errors(task.tasks, largest)
+        raise InvalidInput(f"initial: motions on the path wanted, got some that are {distance} off")
     return q
