@@ -66,6 +66,7 @@ class FrontView:
         self.sliders = PreferenceSliders(
             front, self._choice, drag=self._predict, release=self._move, cancel=self._cancel
         )
+        self._cancel()
 
     @property
     def front(self) -> Front:

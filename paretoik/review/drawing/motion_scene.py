@@ -87,10 +87,13 @@ class MotionScene:
             self._log_posture(recording, point, len(links) // 2 if row is None else row)
 
     def log_predicted(self, recording: rr.RecordingStream, motion: RecordedMotion | None) -> None:
-        """Draw the path and postures of a motion that is predicted, for all times; nothing where there is none."""
+        """Draw postures of a motion that is predicted, for all times, and the path of what follows none.
+
+        Nothing where there is no motion.
+        """
         links = np.zeros((0, 2, 3)) if motion is None else self._links(motion.q)
         ghosts = list(links[even_rows(len(links), SCREEN.ghosts)]) if len(links) else []
-        path = [links[:, -1]] if len(links) > 1 else []
+        path = [links[:, -1]] if len(links) > 1 and not self.workcell.paths else []
         entity, drawing = f"{self.drawing.entity}/predicted", self.drawing
         recording.log(f"{entity}/ghosts", drawing.strips(ghosts, SCREEN.predicted, 1.4, 1.5), static=True)
         recording.log(f"{entity}/path", drawing.strips(path, SCREEN.predicted, 1.8, 1.6), static=True)

@@ -20,6 +20,8 @@ function makeRow(objective, axis, several) {
   holdLabel.append(hold, " may not get worse");
   holdLabel.hidden = !several;
   const ends = [document.createElement("span"), document.createElement("span")];
+  ends[0].title = "worst on the front";
+  ends[1].title = "best on the front";
   row.append(name, ends[0], slider, ends[1], value, holdLabel);
   return { row, slider, value, hold, ends };
 }
