@@ -105,7 +105,7 @@ def predict(
     by: float | None = None,
     to: float | None = None,
 ) -> Prediction:
-    """Return where ``navigate`` with the same arguments is expected to lead, in milliseconds: no point of the front.
+    """Return where ``navigate`` with the same arguments is expected to lead: a prediction, no point of the front.
 
     Derivatives at the point predict its branch, limits that come and go included; nothing is corrected or certified,
     and there is no id. The objective that improves does so by as much as asked for, the others err by the fourth power
