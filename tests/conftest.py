@@ -18,6 +18,7 @@ import paretoik.closed_loop.open_loop_engine
 import paretoik.nlp.compiled.continuation
 import paretoik.nlp.compiled.dense_kernel
 import paretoik.nlp.compiled.interior_point  # before the hook: numba compiles functions, not wrappers
+import paretoik.nlp.compiled.prediction
 import paretoik.resolution.horizon_newton
 import paretoik.resolution.kernels
 import paretoik.robot.components  # before the hook: sums and products, millions of them, without shapes

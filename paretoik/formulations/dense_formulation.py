@@ -12,7 +12,7 @@ from paretoik.arrays import Genes, Points, Values
 from paretoik.capability.actuation import Actuation, DistributedActuation
 from paretoik.errors import InvalidInput
 from paretoik.formulations.interpolation import possible_values
-from paretoik.formulations.navigation import navigate
+from paretoik.formulations.navigation import navigate, predict
 from paretoik.formulations.protocol import Individuals, decode
 from paretoik.front.front import Front
 from paretoik.nlp.program import Program, Solver
@@ -39,6 +39,7 @@ class DenseFormulation(Problem):  # type: ignore[misc]  # pymoo is not typed
     constraint_units: tuple[str, ...]
     functions: MotionTask
     navigate = navigate
+    predict = predict
 
     def add_functions(self, task: MotionTask) -> None:
         """Add users' functions, the objectives and constraints of a task, to those that there are by name.

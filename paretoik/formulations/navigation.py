@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import Point
-from paretoik.errors import Infeasible
+from paretoik.errors import Infeasible, InvalidInput
 from paretoik.formulations.interpolation import points_between
 from paretoik.formulations.navigation_words import describe_move
 from paretoik.formulations.protocol import Differentiable, Individuals, restore_motions
@@ -20,10 +20,13 @@ from paretoik.front.front import Front
 from paretoik.front.indicators import widths_of
 from paretoik.front.joint_motions import StoredJoints, StoredMotions
 from paretoik.front.navigation import NavigationRequest
+from paretoik.front.prediction import Prediction
 from paretoik.front.provenance import NAVIGATIONS
 from paretoik.front.subset import largest_id
 from paretoik.nlp.program import Program
 from paretoik.pareto.certificates import certify
+from paretoik.pareto.continuation import can_follow, guess_optimum
+from paretoik.pareto.continuation import predict as predict_optimum
 from paretoik.pareto.gap_filling import POINT_TOLERANCE
 from paretoik.pareto.goals import Aim, Wish
 from paretoik.pareto.navigation import Destination, FrontPoints, move, reach
@@ -59,28 +62,59 @@ def navigate(problem: Any, front: Front, request: NavigationRequest) -> Front:
     """
     formulation: Differentiable = problem
     program, points = formulation.program(), FrontPoints(x=formulation.front_points(front), objectives=front.minimised)
+    aim = _aim(front, request, program)
+    between = _between(problem)
+    began = time.process_time()
+    destination = move(program, points, request.row, aim, between)
+    seconds = time.process_time() - began
+    if destination is None:
+        raise Infeasible(
+            f"navigate: wants {_wish(front, request)}, but found no point within all limits where "
+            f"{', '.join(front.names[k] for k in request.payers)} pays for it"
+        )
+    arrival = _certified(formulation, destination, aim, between)
+    moved = _joined(problem, front, request, aim, destination, arrival)
+    *others, note = moved.provenance[NAVIGATIONS]
+    return replace(moved, provenance={**moved.provenance, NAVIGATIONS: [*others, {**note, "seconds": seconds}]})
+
+
+def predict(problem: Any, front: Front, request: NavigationRequest) -> Prediction:
+    """Return where the move that a request asks for is expected to lead, by derivatives at its start.
+
+    Raises InvalidInput where optima cannot be followed, and Infeasible where derivatives reach no prediction.
+    """
+    formulation: Differentiable = problem
+    program = formulation.program()
+    if not can_follow(program):
+        raise InvalidInput("predict: wants optima that can be followed, got kinks, or functions that relate samples")
+    aim = _aim(front, request, program)
+    optimum = guess_optimum(program, formulation.front_points(front)[request.row], aim.at_share(0.0))
+    x = None if optimum is None else predict_optimum(program, optimum, aim.at_share)
+    if x is None:
+        raise Infeasible(f"predict: wants {_wish(front, request)}, which derivatives there do not reach")
+    individual = formulation.individuals(x[None])
+    return Prediction(
+        objectives=individual.objectives[0] * np.where(front.maximised, -1.0, 1.0),
+        names=front.names,
+        units=front.units,
+        motion=None if individual.motions is None else individual.motions[0],
+    )
+
+
+def _wish(front: Front, request: NavigationRequest) -> str:
+    name, unit = front.names[request.improve], front.units[request.improve]
+    return f"{name} better by {request.by:.4g} {unit}".rstrip() + f" than at point {front.ids[request.row]}"
+
+
+def _aim(front: Front, request: NavigationRequest, program: Program) -> Aim:
     ranges = widths_of(front)
-    aim = Aim(
+    return Aim(
         wish=Wish(improve=request.improve, payers=request.payers, by=request.by / ranges[request.improve]),
         ranges=ranges,
         start=front.minimised[request.row],
         weights=natural_weights(front, request.row) * ranges,
         objectives=len(program.upper),
     )
-    between = _between(problem)
-    began = time.process_time()
-    destination = move(program, points, request.row, aim, between)
-    seconds = time.process_time() - began
-    if destination is None:
-        name, unit = front.names[request.improve], front.units[request.improve]
-        raise Infeasible(
-            f"navigate: wants {name} better by {request.by:.4g} {unit} than at point {front.ids[request.row]}, but "
-            f"found no point within all limits where {', '.join(front.names[k] for k in request.payers)} pays for it"
-        )
-    arrival = _certified(formulation, destination, aim, between)
-    moved = _joined(problem, front, request, aim, destination, arrival)
-    *others, note = moved.provenance[NAVIGATIONS]
-    return replace(moved, provenance={**moved.provenance, NAVIGATIONS: [*others, {**note, "seconds": seconds}]})
 
 
 def natural_weights(front: Front, row: int) -> Float[np.ndarray, " n_obj"]:

@@ -20,6 +20,7 @@ all of ``Differentiable``                ``refine``, ``epsilon_front`` and certi
                                          shares of the way from each point to the next, inf where that is impossible
 ``navigate(front, request)``             ``front.navigate``, ``front.refine_around``: the front with the certified point
                                          that a ``NavigationRequest`` leads to; it takes all of ``Differentiable``
+``predict(front, request)``              ``front.predict``: the ``Prediction`` of such a move; it takes the same
 ``plan(...)``                            ``plan``: the distinct local optima of one objective
 ``sample_starts(count, rng)``            genes that searches and local solvers start from
 ``species(genes), n_species``            branches: mating within each, anchors for the ends of a front

@@ -19,7 +19,7 @@ from paretoik.errors import InvalidInput, check_size
 from paretoik.formulations.base_motions import choose_bases, positions_on_path, sample_rollouts
 from paretoik.formulations.encoding import Encoding, choose_coefficients, encoding
 from paretoik.formulations.interpolation import values_between
-from paretoik.formulations.navigation import navigate
+from paretoik.formulations.navigation import navigate, predict
 from paretoik.formulations.problem_text import tracking_text
 from paretoik.formulations.protocol import Individuals
 from paretoik.front.front import Front
@@ -99,6 +99,7 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
     computed_attributes = ("_rollouts", "encoding")
     species_gene = 0  # it names the base motion
     navigate = navigate
+    predict = predict
 
     __repr__ = tracking_text
     _repr_html_ = html_representation

@@ -28,7 +28,7 @@ from paretoik.front.front_arguments import (
 )
 from paretoik.front.gaps import find_jumps, missing_hypervolume
 from paretoik.front.joint_motions import JointMotions
-from paretoik.front.navigation import navigate, navigated, refine_around, verdict_on
+from paretoik.front.navigation import navigate, navigated, predict, refine_around, verdict_on
 from paretoik.front.reason import explain
 from paretoik.front.selection import select, undo
 from paretoik.front.subset import Bound, has_point, row_of, with_ids, within_bounds
@@ -211,6 +211,7 @@ class Front:
     select = select
     undo = undo
     navigate = navigate
+    predict = predict
     refine_around = refine_around
     navigated = property(navigated)
     view = view

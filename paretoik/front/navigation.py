@@ -1,4 +1,4 @@
-"""Moves along a front: what is asked for, checked, and what is remembered of each.
+"""Moves along a front and predictions of them: what is asked for, checked, and what is remembered of each move.
 
 A front asks its problem to move (``navigate`` of ``formulations.protocol``). What became of it stands in words in
 ``front.navigated.reason``, and in numbers in ``front.provenance["navigations"]``, one entry a move.
@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from paretoik.errors import Infeasible, InvalidInput, check_size
 from paretoik.front.certificates import WEIGHT_TOLERANCE
+from paretoik.front.prediction import Prediction
 from paretoik.front.provenance import NAVIGATIONS
 from paretoik.front.subset import check_known, row_of
 from paretoik.inputs import finite_number
@@ -89,8 +90,37 @@ def navigate(
     Infeasible
         Where no point was found that is better in this objective.
     """
-    request = _request(front, choice, improve, allow, hold, by, to)
-    return _mover(front, "navigate")(front, request)
+    request = _request(front, "navigate", choice, improve, allow, hold, by, to)
+    moved: Front = _part(front, "navigate")(front, request)
+    return moved
+
+
+def predict(
+    front: Front,
+    choice: Choice | int,
+    *,
+    improve: str,
+    allow: str | Sequence[str] | None = None,
+    hold: str | Sequence[str] = (),
+    by: float | None = None,
+    to: float | None = None,
+) -> Prediction:
+    """Return where ``navigate`` with the same arguments is expected to lead: a prediction, no point of the front.
+
+    Derivatives at the point predict its branch, limits that come and go included; nothing is corrected or certified,
+    and there is no id. The objective that improves does so by as much as asked for, the others err by the fourth power
+    of that, and limits are kept nearly. Jumps are not foreseen.
+
+    Raises
+    ------
+    InvalidInput
+        As ``navigate`` does, and where optima cannot be followed: past kinks, or where functions relate samples.
+    Infeasible
+        Where derivatives reach no prediction, such as past the end of the branch.
+    """
+    request = _request(front, "predict", choice, improve, allow, hold, by, to)
+    prediction: Prediction = _part(front, "predict")(front, request)
+    return prediction
 
 
 def refine_around(front: Front, choice: Choice | int, *, points: int = DEFAULTS.points) -> Front:
@@ -101,7 +131,7 @@ def refine_around(front: Front, choice: Choice | int, *, points: int = DEFAULTS.
     """
     check_size("points", points, 1)
     row = _critical_row(front, choice, "refine_around")
-    move, id = _mover(front, "refine_around"), int(front.ids[row])
+    move, id = _part(front, "refine_around", "navigate"), int(front.ids[row])
     values, widths = front.minimised, np.ptp(front.ranges, axis=1)
     for k, share in _places(values[row], values, points):
         better = values[:, k] < values[row, k]
@@ -138,21 +168,23 @@ def _places(value: np.ndarray, values: np.ndarray, points: int) -> list[tuple[in
     return [(k, (j + 1) / (count + 1)) for k, count in zip(axes, counts, strict=True) for j in range(count)]
 
 
-def _mover(front: Front, verb: str) -> Callable[[Front, NavigationRequest], Front]:
+def _part(front: Front, verb: str, part: str | None = None) -> Callable[[Front, NavigationRequest], Any]:
+    """Return what the problem of a front offers for a verb, by default under its name."""
     if front.problem is None:
         raise InvalidInput(
             f"{verb}: wants the problem of the front, which is not at hand: load_front(run, problem), or "
             "--problem FILE.py:NAME"
         )
-    move: Callable[[Front, NavigationRequest], Front] | None = getattr(front.problem, "navigate", None)
-    if move is None:
+    offered: Callable[[Front, NavigationRequest], Any] | None = getattr(front.problem, part or verb, None)
+    if offered is None:
         kind = type(front.problem).__name__
         raise InvalidInput(f"{verb}: wants a problem with gradients, such as Tracking, got a front of {kind}")
-    return move
+    return offered
 
 
 def _request(
     front: Front,
+    verb: str,
     choice: Choice | int,
     improve: str,
     allow: str | Sequence[str] | None,
@@ -160,11 +192,11 @@ def _request(
     by: float | None,
     to: float | None,
 ) -> NavigationRequest:
-    row = _critical_row(front, choice, "navigate")
-    _mover(front, "navigate")
+    row = _critical_row(front, choice, verb)
+    _part(front, verb)
     (k,) = _axes(front, "improve", [improve])
     if len(front.names) < 2:
-        raise InvalidInput("navigate: wants two objectives or more, got one: nothing pays for it")
+        raise InvalidInput(f"{verb}: wants two objectives or more, got one: nothing pays for it")
     fixed = _axes(front, "hold", hold)
     others = [axis for axis in range(len(front.names)) if axis != k]
     payers = [axis for axis in others if axis not in fixed] if allow is None else _axes(front, "allow", allow)
@@ -174,16 +206,16 @@ def _request(
     both = [front.names[axis] for axis in payers if axis in fixed]
     if both or not payers:
         raise InvalidInput(f"allow: wants objectives that are not on hold, got {', '.join(both) or 'none'}")
-    step = _step(front, row, k, by, to)
+    step = _step(front, verb, row, k, by, to)
     _check_not_at_end(front, row, k, payers)
     return NavigationRequest(row=row, improve=k, by=step, payers=tuple(payers))
 
 
-def _step(front: Front, row: int, axis: int, by: float | None, to: float | None) -> float:
+def _step(front: Front, verb: str, row: int, axis: int, by: float | None, to: float | None) -> float:
     """Return by how much to improve an objective, in its own unit."""
     name, value = front.names[axis], float(front.objectives[row, axis])
     if by is not None and to is not None:
-        raise InvalidInput("navigate: wants by= or to=, got both")
+        raise InvalidInput(f"{verb}: wants by= or to=, got both")
     if by is not None:
         by = finite_number("by", by)
         if by <= 0:

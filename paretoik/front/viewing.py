@@ -27,6 +27,10 @@ def view(
     point whose motion the arm shows: the first of them, at first the present choice, or else the compromise.
     ``show(id)`` shows another one, ``on_select(callback)`` has a function called with the ids of every selection.
 
+    On a certified front its ``sliders``, one an objective, move along the front: while one is dragged towards its
+    better end, what ``predict`` expects is drawn in grey; on release it is the point that ``navigate`` leads to, which
+    is selected. ``view.front`` has all points that were moved to.
+
     The extra ``notebook`` is wanted (``pip install "paretoik[notebook]"``). The viewer is served by this process to the
     same machine; where the browser is on another one, ``RERUN_NOTEBOOK_ASSET=inline`` in the environment sends it
     along.

@@ -33,7 +33,9 @@ class ContinuationOptions:
     than so many ``corrections``, or one that is not shorter than the one before by a factor of ``contraction``, halve
     the step, at most ``few`` double it. So many ``attempts`` are made at most, good ones among them: where that is not
     enough, a solver that starts anew is faster. The models predict in so many ``predictions`` of Newton's method, or
-    until one is a share ``predicted`` of the whole step.
+    until one is a share ``predicted`` of the whole step. What nothing corrects has its values updated so many times,
+    ``updates``: once for curved bounds of objectives, once more for curved limits. If a bound or a
+    limit is then exceeded by a share ``missed`` of the step, the models do not reach so far.
 
     Where multipliers begin: limits with a slack up to one of the ``active`` ones count as active, until the gradient
     of the Lagrangian is at most ``balance``, a share of the objectives'.
@@ -47,6 +49,8 @@ class ContinuationOptions:
     attempts: int = 6
     predictions: int = 3
     predicted: float = 1e-2
+    updates: int = 2
+    missed: float = 0.01
     active: tuple[float, ...] = (1e-7, 5e-2)
     balance: float = 1e-6
 
@@ -138,6 +142,48 @@ def correct(program: Program, start: Optimum, goal: Goal) -> Optimum | None:
     """Return the optimum of a goal near a guess; None where few corrections do not lead to it."""
     result = _correct(program, program.kernel, start, goal)
     return None if result is None else result[0]
+
+
+def predict(program: Program, start: Optimum, goal: Callable[[float], Goal]) -> Point | None:
+    """Return the point predicted to be the optimum of ``goal`` (1), from that at 0; None where there is no prediction.
+
+    It is not corrected: h(x) = 0 holds there, limits and bounds nearly, and objectives err by the fourth power of the
+    step. Where models at the start do not reach so far, they are made anew on the way, where they predict.
+    """
+    optimum, share, step = start, 0.0, 1.0
+    for remaining in range(OPTIONS.attempts, 0, -1):
+        if share + step * (2**remaining - 1) < 1.0:
+            return None
+        check_interruption()
+        target = min(1.0, share + step)
+        predicted = _predict(program, optimum, goal(target))
+        if predicted is None:
+            step = (target - share) / 2
+        elif target == 1.0:
+            return predicted.x
+        else:
+            optimum, share = predicted, target
+    return None
+
+
+def _predict(program: Program, start: Optimum, goal: Goal) -> Optimum | None:
+    """Return what one model predicts; None where a bound is missed by too large a part of the step."""
+    from paretoik.nlp.compiled.parametric_qp import QpOptions
+    from paretoik.nlp.compiled.prediction import PredictionOptions
+    from paretoik.nlp.compiled.prediction import predict as search
+
+    options = PredictionOptions(
+        predictions=OPTIONS.predictions,
+        predicted=OPTIONS.predicted,
+        updates=OPTIONS.updates,
+        missed=OPTIONS.missed,
+        violation=OPTIONS.violation,
+        qp=QpOptions(),
+    )
+    x, multipliers, exists = search(
+        program.kernel, start.x, start.multipliers, goal.weights, *_bounds(program, goal), options
+    )
+    return Optimum(x=program.pin(x[None])[0], multipliers=multipliers) if exists else None
 
 
 def _correct(program: Program, kernel: Any, start: Optimum, goal: Goal) -> tuple[Optimum, int, int] | None:

@@ -66,6 +66,7 @@ class RecordingPalette:
     event: Colour = (255, 178, 62, 255)
     arm: Colour = (235, 238, 242, 255)
     ghost: Colour = (84, 93, 110, 255)
+    predicted: Colour = (150, 158, 172, 255)
     path: Colour = (255, 178, 62, 255)
     tool: Colour = (70, 225, 190, 255)
     epsilon: Colour = (230, 215, 120, 255)

@@ -36,6 +36,17 @@ certificate = moved.certificates[now.index : now.index + 1]
 print(f"its certificate: {certificate.status[0]}, residual {certificate.kkt_residual[0]:.0e}")
 
 # %% [markdown]
+# Where a move will lead is predicted in milliseconds, by the derivatives at its start: not certified, and no point of
+# the front. In a notebook `front.view()` has a slider for every objective: while one is dragged the prediction is drawn
+# in grey, and on release the certified point appears, `view.choice` on `view.front`.
+
+# %%
+prediction = front.predict(choice, improve="kinetic_energy")
+led = front.navigate(choice, improve="kinetic_energy").navigated
+print(prediction)
+print(f"it misses the certified point by {np.abs(prediction.objectives / led.objectives - 1).max():.0e} of its values")
+
+# %% [markdown]
 # Past the end of the front there is nothing to be had, and the error says so. `refine_around` puts more points near
 # one that matters. On the command line: `paretoik navigate RUN --point 7 --improve kinetic_energy`.
 

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.errors import Infeasible
+from paretoik.errors import Infeasible, InvalidInput
 from paretoik.formulations.navigation import natural_weights
 from paretoik.front.indicators import non_dominated
 from paretoik.nlp.minimise import minimise
 from paretoik.nlp.violation import violation_of
+from paretoik.pareto.continuation import can_follow
 from paretoik.pareto.goals import Aim, Wish
 from paretoik.pareto.navigation import OPTIONS
 
@@ -108,6 +109,45 @@ def test_a_move_gains_what_was_asked_is_certified_and_new(front):
             assert non_dominated(moved.minimised).all()
         assert_kept(front, moved)
         assert new.reason.startswith(f"From point {start} to ")
+
+
+def assert_predicts(front, start, name):
+    """A move that is followed leads to where it was predicted to; nothing else comes of the prediction."""
+    wish = {"improve": name, "by": 0.01 * float(np.ptp(front.ranges[front.names.index(name)]))}
+    note = front.navigate(start, **wish).provenance["navigations"][-1]
+    assert note["followed"]
+    prediction, ids = front.predict(start, **wish), front.ids.copy()
+    change, led = prediction.objectives - front[start].objectives, np.array([note["change"][k] for k in front.names])
+    widths = np.ptp(front.ranges, axis=1)
+    assert change / widths == pytest.approx(led / widths, abs=1e-4)
+    assert not hasattr(prediction, "id")
+    assert np.array_equal(front.ids, ids)
+    assert front.navigated is None
+    if prediction.motion is not None and hasattr(front.problem, "task"):
+        values = [each(prediction.motion) for each in front.problem.task.objectives]
+        assert prediction.objectives == pytest.approx(np.array(values), rel=1e-9)
+
+
+def test_a_prediction_is_where_a_small_move_leads(front):
+    start, last = inner_points(front)[1], front.names[0]
+    if can_follow(front.problem.program()):
+        assert_predicts(front, start, last)
+    else:
+        with pytest.raises(InvalidInput, match="predict: wants optima that can be followed"):
+            front.predict(start, improve=last)
+
+
+def test_moves_of_an_arm_in_space_are_predicted():
+    panda = pk.Arm.from_urdf("problems/robots/panda.urdf", base="panda_link0", tip="panda_hand_tcp")
+    path = pk.line([0.45, -0.25, 0.3], [0.45, 0.25, 0.3], duration=1.5, samples=9)
+    problem = pk.Tracking(panda, path, objectives=[pk.kinetic_energy, pk.joint_limit_distance])
+    front = pk.epsilon_front(problem, points=4, starts=4, observe=False)
+    assert_predicts(front, inner_points(front)[-1], "kinetic_energy")
+
+
+def test_past_the_end_of_its_branch_a_move_is_not_predicted(plain):
+    with pytest.raises(Infeasible, match="which derivatives there do not reach"):
+        plain.predict(inner_points(plain)[-1], improve="torque_norm", by=100 * float(np.ptp(plain.ranges[1])))
 
 
 def test_small_moves_cost_what_exchange_rates_say():

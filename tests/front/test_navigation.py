@@ -20,6 +20,8 @@ class NeverMoved:
     def navigate(self, front, request):
         raise AssertionError("no work wanted")
 
+    predict = navigate
+
 
 def certified(residual=0.0, weights=None):
     weights = np.full((3, 3), 1 / 3) if weights is None else np.asarray(weights)
@@ -66,12 +68,16 @@ def front(**parts):
     ],
 )
 @pytest.mark.usefixtures("unchecked")
-def test_a_wish_that_is_none_is_refused_in_a_line(wish, words):
+def test_a_wish_that_is_none_is_refused_in_a_line_and_a_prediction_in_the_same_words(wish, words):
     wish = {"choice": 7, "improve": "energy", **wish}
-    with pytest.raises(InvalidInput) as caught:
-        front().navigate(wish.pop("choice"), **wish)
-    assert words in str(caught.value)
-    assert "\n" not in str(caught.value)
+    choice, messages = wish.pop("choice"), {}
+    for verb in ("navigate", "predict"):
+        with pytest.raises(InvalidInput) as caught:
+            getattr(front(), verb)(choice, **wish)
+        messages[verb] = str(caught.value)
+    assert words in messages["navigate"]
+    assert "\n" not in messages["navigate"]
+    assert messages["predict"] == messages["navigate"].replace("navigate:", "predict:")
 
 
 def test_a_front_that_cannot_be_moved_along_is_refused_in_a_line():
@@ -82,7 +88,11 @@ def test_a_front_that_cannot_be_moved_along_is_refused_in_a_line():
         ({"certificates": certified(residual=1e-3)}, "a critical point, got point 7 of residual 1.0e-03"),
         ({"certificates": certified(residual=np.nan)}, "a critical point, got point 7 of residual nan"),
     ):
-        for move in (lambda one: one.navigate(7, improve="energy"), lambda one: one.refine_around(7)):
+        for move in (
+            lambda one: one.navigate(7, improve="energy"),
+            lambda one: one.predict(7, improve="energy"),
+            lambda one: one.refine_around(7),
+        ):
             with pytest.raises(InvalidInput) as caught:
                 move(front(**parts))
             assert words in str(caught.value)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import brentq
@@ -11,7 +13,8 @@ from paretoik.nlp.compiled.continuation import CorrectionOptions
 from paretoik.nlp.compiled.continuation import correct as search
 from paretoik.nlp.compiled.parametric_qp import QpOptions
 from paretoik.nlp.minimise import minimise
-from paretoik.pareto.continuation import correct, follow, guess_optimum
+from paretoik.pareto import continuation
+from paretoik.pareto.continuation import correct, follow, guess_optimum, predict
 from paretoik.pareto.goals import Aim, Wish
 from paretoik.trajectory.plan_starts import sample_starts
 from paretoik.trajectory.transcription import motion_program
@@ -110,24 +113,71 @@ def test_units_of_objectives_change_nothing(units):
     assert scaled.optimum.x[:2] == pytest.approx(plain.optimum.x[:2], abs=1e-6)
 
 
-@pytest.mark.parametrize(("predictions", "order"), [(1, 2), (3, 3)])
-def test_with_every_objective_s_own_hessian_a_prediction_errs_by_the_cube(predictions, order):
+def papers_arm(**limits):
+    """A program of the papers' arm, an optimum of it, and the aim at energy less by a share of a tenth of its value."""
     path = pk.line((0.4678, 0.0), (0.0983, 0.1526), duration=1.0, samples=11)
     objectives = [pk.kinetic_energy, pk.torque_norm]
-    task = pk.Tracking(pk.arms.tringali_3r(), path, objectives=objectives, differences="backward", bases=1).task
+    task = pk.Tracking(
+        pk.arms.tringali_3r(), path, objectives=objectives, limits=pk.Limits(**limits), differences="backward", bases=1
+    ).task
     program = motion_program(task, np.ones(2))
     solutions = minimise(program, sample_starts(task, 1, np.random.default_rng(0)), np.array([[1.0, 0.2]]))
     assert solutions.converged.all()
-    x, values = solutions.x[0], solutions.objectives[0]
-    ranges, weights, errors = values / 10, np.array([1.0, 0.2]) * values, []
-    for by in (0.04, 0.02):
-        move = Aim(
+    values, weights = solutions.objectives[0], np.array([1.0, 0.2]) * solutions.objectives[0]
+
+    def move(by):
+        return Aim(
             wish=Wish(improve=0, payers=(1,), by=by),
-            ranges=ranges,
+            ranges=values / 10,
             start=values,
             weights=weights / weights.sum(),
             objectives=2,
         )
+
+    return program, solutions.x[0], move
+
+
+def test_a_prediction_of_no_step_is_the_point():
+    for program, x, still in ((PROGRAM, start(0.7), aim(0.7, 0.0)), (*papers_arm()[:2], papers_arm()[2](0.0))):
+        assert predict(program, guess_optimum(program, x, still.at_share(0.0)), still.at_share) == pytest.approx(
+            x, abs=1e-9
+        )
+
+
+@pytest.mark.parametrize("limits", [{}, {"velocity": 2.8}])
+def test_objectives_of_a_prediction_err_by_the_fourth_power_of_the_step(limits):
+    program, x, move = papers_arm(**limits)
+    errors = []
+    for by in (0.08, 0.04, 0.02):
+        begin = guess_optimum(program, x, move(by).at_share(0.0))
+        predicted, way = predict(program, begin, move(by).at_share), follow(program, begin, move(by).at_share)
+        assert way.share == 1.0
+        errors.append(float(np.abs(program.evaluate(predicted)[0] - program.evaluate(way.optimum.x)[0]).max()))
+    assert np.log2(errors[0] / errors[1]) >= 3.6
+    assert np.log2(errors[1] / errors[2]) >= 3.6
+
+
+def test_where_one_model_does_not_reach_it_is_made_anew_on_the_way(monkeypatch):
+    wish = aim(0.3, 0.5)
+    optimum, way = followed(PROGRAM, 0.3, wish)
+    predicted = PROGRAM.evaluate(predict(PROGRAM, optimum, wish.at_share))[0][:2]
+    assert way.share == 1.0
+    assert predicted == pytest.approx(PROGRAM.evaluate(way.optimum.x)[0][:2], rel=0.01)
+    monkeypatch.setattr(continuation, "OPTIONS", replace(continuation.OPTIONS, attempts=1))
+    assert predict(PROGRAM, optimum, wish.at_share) is None
+
+
+def test_past_the_end_of_a_branch_nothing_is_predicted():
+    wish = aim(0.95, 2.0)
+    assert predict(PROGRAM, guess_optimum(PROGRAM, start(0.95), wish.at_share(0.0)), wish.at_share) is None
+
+
+@pytest.mark.parametrize(("predictions", "order"), [(1, 2), (3, 3)])
+def test_with_every_objective_s_own_hessian_a_prediction_errs_by_the_cube(predictions, order):
+    program, x, move_by = papers_arm()
+    errors = []
+    for by in (0.04, 0.02):
+        move = move_by(by)
         begin, goal = guess_optimum(program, x, move.at_share(0.0)), move.at_share(1.0)
         options = CorrectionOptions(
             residual=np.inf,

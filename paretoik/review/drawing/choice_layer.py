@@ -17,6 +17,7 @@ import rerun.blueprint as rrb
 
 from paretoik.arrays import Times
 from paretoik.front.front import Choice, Front
+from paretoik.front.prediction import Prediction
 from paretoik.review.drawing.drawn_axes import Canvas
 from paretoik.review.drawing.legend import Legend
 from paretoik.review.drawing.legend_entries import choice_entries
@@ -30,7 +31,7 @@ from paretoik.review.drawing.search_scene import SearchScene
 from paretoik.review.drawing_options import VIEWS
 from paretoik.review.palette import SCREEN
 from paretoik.review.recording.recorded_end import chosen_point
-from paretoik.review.recording.recorded_point import RecordedPoint
+from paretoik.review.recording.recorded_point import RecordedPoint, record_motion
 from paretoik.review.recording.workcell import Workcell, workcell_of_front
 
 ROOTS: tuple[Literal["choice", "compared"], ...] = ("choice", "compared")
@@ -60,7 +61,7 @@ class ChoiceLayer:
 
     On all others of the ``recorded`` run, if there is one, the arms stand still. ``names`` are what the choices are
     called, by default points with their ids. Axes hold the motions of points ``around`` them, too. The layout is for a
-    viewer so many pixels wide, ``width``.
+    viewer so many pixels wide, ``width``. Where it ``predicts``, the legend says how predictions are drawn.
     """
 
     front: Front
@@ -69,6 +70,7 @@ class ChoiceLayer:
     names: tuple[str, ...] = ()
     around: tuple[RecordedPoint, ...] = ()
     width: float = VIEWS.width
+    predicts: bool = False
 
     def log(self, stream: rr.RecordingStream) -> None:
         """Draw the front with the choices, what is to be known of them, and their arms."""
@@ -113,6 +115,17 @@ class ChoiceLayer:
             stream.log(f"{root}/text", rr.TextDocument(words, media_type="text/markdown"), static=True)
             if motions is not None and point.motion is not None:
                 self._log_motion(stream, motions, point, times)
+
+    def log_prediction(self, stream: rr.RecordingStream, prediction: Prediction | None) -> None:
+        """Draw where a move is expected to lead, for all times, in grey; None removes it."""
+        F = np.zeros((0, len(self.front.names))) if prediction is None else prediction.objectives[None]
+        self.scene.log_points(stream, "predicted", F, self._canvases, static=True)
+        if self._parallel is not None:
+            lines = self._parallel.lines(F, SCREEN.predicted, 2.0, 3.0)
+            stream.log(f"{self._parallel.entity}/predicted", lines, static=True)
+        if self._motions[0] is not None:
+            motion = None if prediction is None else record_motion(prediction.motion, curves=False)
+            self._motions[0].log_predicted(stream, motion)
 
     def _log_motion(self, stream: rr.RecordingStream, motions: MotionScene, point: RecordedPoint, times: Times) -> None:
         """Let the arm of a point move, and stand still on the recording's timelines."""
@@ -199,7 +212,11 @@ class ChoiceLayer:
     @property
     def _legend(self) -> Legend:
         motions = next((each for each in self._motions if each is not None), None)
-        return Legend(entity=f"{ROOTS[0]}/legend", entries=choice_entries(self._names, motions), width=self.width)
+        return Legend(
+            entity=f"{ROOTS[0]}/legend",
+            entries=choice_entries(self._names, motions, predicts=self.predicts),
+            width=self.width,
+        )
 
     @property
     def _names(self) -> tuple[str, ...]:

@@ -8,16 +8,18 @@ from collections.abc import Callable
 from contextlib import redirect_stdout
 from dataclasses import replace
 from importlib.util import find_spec
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import rerun as rr
 
 from paretoik.arrays import Ids
-from paretoik.errors import Infeasible, InvalidInput, check_size
+from paretoik.errors import Infeasible, InvalidInput, ParetoikError, check_size
 from paretoik.front.choices import chosen
 from paretoik.front.compromise import compromise
 from paretoik.front.front import Choice, Front
+from paretoik.front.prediction import Prediction
+from paretoik.front.provenance import NAVIGATIONS
 from paretoik.inputs import check_function
 from paretoik.review.drawing.choice_layer import ROOTS, ChoiceLayer
 from paretoik.review.drawing.motion_scene import motion_frames
@@ -26,13 +28,16 @@ from paretoik.review.drawing_options import DRAWING, VIEWS
 from paretoik.review.even_rows import even_rows
 from paretoik.review.recording.recorded_end import front_point
 
-PACKAGE = "rerun_notebook"
+if TYPE_CHECKING:  # it wants an extra
+    from paretoik.review.drawing.preference_sliders import Kind, SliderWish
+
+PACKAGES = "rerun_notebook", "anywidget"
 ASSET = "RERUN_NOTEBOOK_ASSET"  # where the browser gets the viewer from; by default the Rerun company's server
 ROOT = ROOTS[0]
 
 
 class FrontView:
-    """A front in a notebook; ``viewer`` is the ``rerun.notebook.Viewer`` that shows it."""
+    """A front in a notebook: ``viewer`` is the ``rerun.notebook.Viewer`` that shows it, ``sliders`` move along it."""
 
     def __init__(self, front: Front, viewer: Callable[[rr.RecordingStream], Any]) -> None:
         self._front = front
@@ -42,7 +47,12 @@ class FrontView:
         self._times = np.zeros(0)  # of all motions that were shown
         around = tuple(front_point(front, row) for row in even_rows(len(front), DRAWING.walk).tolist())
         self._layer = ChoiceLayer(
-            front=front, choices=(self._choice,), names=("selected point",), around=around, width=VIEWS.cell
+            front=front,
+            choices=(self._choice,),
+            names=("selected point",),
+            around=around,
+            width=VIEWS.cell,
+            predicts=True,
         )
         self._stream = rr.RecordingStream("paretoik-front", send_properties=False)
         self.viewer = viewer(self._stream)
@@ -51,6 +61,17 @@ class FrontView:
         self._stream.send_blueprint(self._layer.blueprint(), make_active=True, make_default=True)
         self._stream.flush()
         self.viewer.on_event(self._receive)
+        from paretoik.review.drawing.preference_sliders import PreferenceSliders  # here: anywidget is an extra
+
+        self.sliders = PreferenceSliders(
+            front, self._choice, drag=self._predict, release=self._move, cancel=self._cancel
+        )
+        self._cancel()
+
+    @property
+    def front(self) -> Front:
+        """The front with all points that were moved to."""
+        return self._front
 
     @property
     def selected(self) -> Ids:
@@ -76,13 +97,50 @@ class FrontView:
         self._choice = self._front[int(point.id if isinstance(point, Choice) else point)]
         self._layer = replace(self._layer, choices=(self._choice,))
         self._log_choice()
+        self._cancel()
+
+    def _cancel(self) -> None:
+        self._draw(None, "idle", f"point {self._choice.id}: drag a slider to what should get better")
+
+    def _predict(self, wish: SliderWish) -> None:
+        """Draw where the move that is wished for is expected to lead; say why where it is not known."""
+        try:
+            prediction = self._front.predict(self._choice, improve=wish.improve, to=wish.to, hold=wish.hold)
+        except ParetoikError as error:
+            self._draw(None, "refused", str(error))
+        else:
+            self._draw(prediction, "predicted", "predicted, not certified: release to move there")
+
+    def _move(self, wish: SliderWish) -> None:
+        """Move to the certified point, show it, and select it; say why where there is none."""
+        try:
+            moved = self._front.navigate(self._choice, improve=wish.improve, to=wish.to, hold=wish.hold)
+        except ParetoikError as error:
+            self._draw(None, "refused", str(error))
+            return
+        note = moved.provenance[NAVIGATIONS][-1]
+        self._front = moved
+        self._choice = moved[note["to"]]
+        self._layer = replace(self._layer, front=moved, choices=(self._choice,))
+        self._layer.log_front(self._stream)
+        self._log_choice()
+        kind: Kind = "jump" if note["jump"] else "certified" if note["new"] else "known"
+        self._draw(None, kind, note["reason"])
+        self._select(np.array([self._choice.id]))
+
+    def _draw(self, prediction: Prediction | None, kind: Kind, words: str) -> None:
+        self._layer.log_prediction(self._stream, prediction)
         self._stream.flush()
+        self.sliders.show(self._front, self._choice, kind, words, prediction)
 
     def __repr__(self) -> str:
         """Return in a line what is shown and selected."""
         return f"FrontView of {len(self._front)} points: shows {self._choice.id}, selected {self._selected.tolist()}"
 
     def _ipython_display_(self) -> None:
+        from IPython.display import display
+
+        display(self.sliders)  # type: ignore[no-untyped-call]  # IPython has no types for it
         self.viewer.display()
 
     def _log_choice(self) -> None:
@@ -98,16 +156,20 @@ class FrontView:
             return
         items = [item for item in event.items if item.type == "entity"]
         ids = np.concatenate([np.zeros(0, dtype=np.int64), *map(self._ids_of, items)])
-        self._selected = ids[np.sort(np.unique(ids, return_index=True)[1])]
-        if len(self._selected) and int(self._selected[0]) != self._choice.id:
-            self.show(int(self._selected[0]))
+        ids = ids[np.sort(np.unique(ids, return_index=True)[1])]
+        if len(ids) and int(ids[0]) != self._choice.id:
+            self.show(int(ids[0]))
+        self._select(ids)
+
+    def _select(self, ids: Ids) -> None:
+        self._selected = ids
         for callback in self._callbacks:
             callback(self._selected)
 
     def _ids_of(self, item: Any) -> Ids:
         """Return the ids of the points that an entity draws, or of the one that an instance of it stands for."""
         first, *_, last = parts = item.entity_path.strip("/").split("/")
-        if not first.startswith(ROOT):
+        if not first.startswith(ROOT) or "predicted" in parts:  # what is predicted is no point
             return np.zeros(0, dtype=np.int64)
         ids = self._front.ids
         if last == "front" and "parallel" in parts[1:2]:
@@ -136,10 +198,12 @@ def open_view(
         if size != "auto":
             check_size(name, size, 1)
     check_function("on_select", on_select)
-    if find_spec(PACKAGE) is None:
-        raise InvalidInput(
-            'view: the package rerun-notebook wanted, which is not installed: pip install "paretoik[notebook]"'
-        )
+    for package in PACKAGES:
+        if find_spec(package) is None:
+            raise InvalidInput(
+                f"view: the package {package.replace('_', '-')} wanted, which is not installed: "
+                'pip install "paretoik[notebook]"'
+            )
     if not len(front):
         raise Infeasible("view: wanted a front of at least one point, got none: no point was feasible")
     os.environ.setdefault(ASSET, "serve-local")  # before the package is loaded

@@ -97,8 +97,9 @@ def motion_entries(motions: MotionScene, arm: str = "arm") -> list[Entry]:
     return entries
 
 
-def choice_entries(names: Sequence[str], motions: MotionScene | None) -> list[Entry]:
-    """Return what is drawn of one or two choices in which colour."""
+def choice_entries(names: Sequence[str], motions: MotionScene | None, *, predicts: bool = False) -> list[Entry]:
+    """Return what is drawn of one or two choices in which colour, and of predictions where there are some."""
     colours = (SCREEN.chosen, SCREEN.compared)
     marked: list[Entry] = [(name, colour) for name, colour in zip(names, colours, strict=False)]
+    marked += [("predicted, not certified", SCREEN.predicted)] if predicts else []
     return [("front", SCREEN.front), *marked, *([] if motions is None else motion_entries(motions))]

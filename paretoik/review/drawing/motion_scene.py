@@ -86,6 +86,18 @@ class MotionScene:
                     chart.draw(recording, point.motion.time, curves[kind].T)
             self._log_posture(recording, point, len(links) // 2 if row is None else row)
 
+    def log_predicted(self, recording: rr.RecordingStream, motion: RecordedMotion | None) -> None:
+        """Draw postures of a motion that is predicted, for all times, and the path of what follows none.
+
+        Nothing where there is no motion.
+        """
+        links = np.zeros((0, 2, 3)) if motion is None else self._links(motion.q)
+        ghosts = list(links[even_rows(len(links), SCREEN.ghosts)]) if len(links) else []
+        path = [links[:, -1]] if len(links) > 1 and not self.workcell.paths else []
+        entity, drawing = f"{self.drawing.entity}/predicted", self.drawing
+        recording.log(f"{entity}/ghosts", drawing.strips(ghosts, SCREEN.predicted, 1.4, 1.5), static=True)
+        recording.log(f"{entity}/path", drawing.strips(path, SCREEN.predicted, 1.8, 1.6), static=True)
+
     def log_postures(self, recording: rr.RecordingStream, postures: Float[np.ndarray, "postures dof"]) -> None:
         """Draw postures as ghosts, for all times."""
         rows = even_rows(len(postures), SCREEN.ghosts)

@@ -10,7 +10,7 @@ import rerun as rr
 
 from paretoik.review.palette import SCREEN, Colour
 
-Layer = Literal["population", "final", "front", "chosen", "looked_at", "choice", "compared"]
+Layer = Literal["population", "final", "front", "chosen", "looked_at", "choice", "compared", "predicted"]
 LAYERS: dict[Layer, tuple[Colour, float, float]] = {  # colour, radius, which is drawn above which
     "population": (SCREEN.population, 2.2, 1.0),
     "final": (SCREEN.final, 2.6, 0.5),
@@ -19,6 +19,7 @@ LAYERS: dict[Layer, tuple[Colour, float, float]] = {  # colour, radius, which is
     "looked_at": (SCREEN.arm, 4.0, 4.5),  # as its arm; smaller, so that an end or a choice below it stays seen
     "choice": (SCREEN.chosen, 6.5, 4.0),
     "compared": (SCREEN.compared, 6.5, 3.5),
+    "predicted": (SCREEN.predicted, 5.5, 2.9),
 }
 
 

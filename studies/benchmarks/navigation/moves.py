@@ -72,6 +72,8 @@ def try_move(
     dominating = (front.minimised <= ours).all(axis=1) & (front.minimised < ours).any(axis=1)
     to.non_dominated.append(not dominating.any())
     to.best.append(bool(note["share"] == 1.0 and ours[payer] <= min([*values, np.inf]) + OPTIONS.same * widths[payer]))
+    if note["followed"] and note["share"] == 1.0:
+        _try_prediction(front, moved, id, wish, to)
     _try_rate(moved, choice, wish, to)
 
 
@@ -96,6 +98,22 @@ def _peers_tries(
             value = None if motion is None else float(program.evaluate(motion)[0][payer])
             tries.append(Try(f"{name} {start}", seconds, value))
     return tries
+
+
+def _try_prediction(front: pk.Front, moved: pk.Front, id: int, wish: Wish, to: Tally) -> None:
+    """Predict a move that was followed, and compare it with the point that it led to."""
+    choice, widths = moved.navigated, np.ptp(front.ranges, axis=1)
+    assert choice is not None
+    payer, by = front.names[wish.payers[0]], wish.by * float(widths[wish.improve])
+    began = time.process_time()
+    try:
+        prediction = front.predict(id, improve=front.names[wish.improve], allow=payer, by=by)
+    except Infeasible:
+        to.predicted.append(False)
+        return
+    to.prediction.append(time.process_time() - began)
+    to.predicted.append(True)
+    to.missed.append(float((np.abs(prediction.objectives - choice.objectives) / widths).max()))
 
 
 def _try_rate(moved: pk.Front, choice: pk.Choice, wish: Wish, to: Tally) -> None:

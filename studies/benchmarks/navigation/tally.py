@@ -32,6 +32,9 @@ class Tally:
     rate: list[bool] = field(default_factory=list)
     step: list[float] = field(default_factory=list)
     whole: list[float] = field(default_factory=list)
+    predicted: list[bool] = field(default_factory=list)
+    prediction: list[float] = field(default_factory=list)
+    missed: list[float] = field(default_factory=list)
     peer_solved: dict[str, list[bool]] = field(default_factory=dict)
     peer_seconds: dict[str, list[float]] = field(default_factory=dict)
 
@@ -70,6 +73,9 @@ def rows_of(name: str, case: Case, tally: Tally) -> list[Row]:
         row("new points around one", f"of {OPTIONS.around}", "", tally.around),
         step,
         row("a step with its certificate", "median", "ms CPU", median(tally.whole)),
+        row("predicted", f"of {len(tally.predicted)} followed", "%", share(tally.predicted)),
+        row("a prediction", "median", "ms CPU", median(tally.prediction)),
+        row("misses the certified point by", "median", "of a range", float(np.median(tally.missed or [np.nan]))),
     ]
     for peer, seconds in tally.peer_seconds.items():
         solved, name_only = tally.peer_solved[peer], peer.split()[0]

@@ -190,7 +190,7 @@ def test_in_a_real_kernel_a_browsers_message_selects_and_the_viewer_is_served_to
             return "".join(outputs)
 
         run(CELL)
-        (viewer,) = [number for number, state in widgets.items() if "_esm" in state]
+        (viewer,) = [number for number, state in widgets.items() if str(state.get("_esm")).startswith("http")]
         source = widgets[viewer]["_esm"]
         assert source.startswith("http://localhost:")
         with urllib.request.urlopen(source, timeout=20) as page:
