@@ -8,6 +8,7 @@ from typing import Literal, TypeAlias, get_args
 
 from paretoik.errors import InvalidInput
 from paretoik.file_replacement import replace_file
+from paretoik.inputs import shown
 from paretoik.joint_trajectory.ros import write_bag, yaml_bytes
 from paretoik.joint_trajectory.tables import csv_bytes, npz_bytes, parquet_bytes
 from paretoik.joint_trajectory.trajectory import JointTrajectory
@@ -42,7 +43,7 @@ def find_format(file: Path, name: str | None) -> Format:
     for each in FORMATS:
         if each == name:
             return each
-    raise InvalidInput(f"format: one of {names} wanted, got {name!r}")
+    raise InvalidInput(f"format: one of {names} wanted, got {shown(name)}")
 
 
 def write_trajectory(trajectory: JointTrajectory, file: Path, kind: Format) -> None:

@@ -9,8 +9,8 @@ from typing import Literal, get_args
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.errors import EvaluationFailed, Infeasible, InvalidInput, check_size
-from paretoik.inputs import finite_array
+from paretoik.errors import EvaluationFailed, Infeasible, InvalidInput
+from paretoik.inputs import check_seed, finite_array, shown
 from paretoik.resolution.constrained import ConstrainedTraces
 from paretoik.resolution.follow import follow
 from paretoik.resolution.methods import ConstrainedQP, Criterion, Method, VelocityMethod
@@ -70,12 +70,12 @@ def resolution_of(
 ) -> Resolution:
     """Return what ``paretoik.resolve`` is asked for; raises InvalidInput naming what cannot be used, and OutOfReach."""
     if not isinstance(method, Method):
-        raise InvalidInput(f"resolve: wants a method, such as PseudoInverse(), got {method!r}")
+        raise InvalidInput(f"resolve: wants a method, such as PseudoInverse(), got {shown(method)}")
     if unreachable not in get_args(Unreachable):
-        raise InvalidInput(f"unreachable must be one of {', '.join(get_args(Unreachable))}, got {unreachable!r}")
+        raise InvalidInput(f"unreachable must be one of {', '.join(get_args(Unreachable))}, got {shown(unreachable)}")
     if not finite_array("tolerance", tolerance, ()) > 0:
         raise InvalidInput(f"tolerance: a positive distance in m or rad wanted, got {tolerance}")
-    check_size("seed", seed, 0)
+    check_seed("seed", seed)
     criteria = method.criterion_list if isinstance(method, VelocityMethod) else ()
     task = motion_task(
         arm,
@@ -119,7 +119,7 @@ def _starts(task: MotionTask, start: object, seed: int) -> np.ndarray:
     try:
         q = np.array(start, dtype=float)
     except (TypeError, ValueError):
-        raise InvalidInput(f"start: joint positions (..., {task.arm.dof}) wanted, got {start!r}") from None
+        raise InvalidInput(f"start: joint positions (..., {task.arm.dof}) wanted, got {shown(start)}") from None
     if q.ndim == 0 or q.shape[-1] != task.arm.dof or not q.size:
         raise InvalidInput(f"start: joint positions (..., {task.arm.dof}) wanted, got shape {q.shape}")
     return finite_array("start", q)
