@@ -19,12 +19,13 @@ from paretoik.api.run_session import SOURCE, StoppedRun, versions
 from paretoik.api.solve import solve
 from paretoik.errors import InvalidInput, InvalidRun
 from paretoik.execution.run_folder import reclaim_folder
+from paretoik.execution.time_limit import check_time_limit
 from paretoik.fingerprint.fingerprint import check_fingerprint
 from paretoik.formulations.protocol import restore_motions, timeline
 from paretoik.front.front import Front
 from paretoik.front.preferences.weights import Weights
 from paretoik.front.subset import attach
-from paretoik.inputs import check_flag, check_function, file_path, positive_number
+from paretoik.inputs import check_flag, check_function, file_path
 from paretoik.journal import journalled
 from paretoik.run_files import CHECKPOINT, JOURNAL, RUN, can_resume, check_digest, read_run
 from paretoik.search.seeding import check_algorithm
@@ -73,8 +74,7 @@ def resume(
     check_flag("live", live)
     check_algorithm(algorithm)
     check_problem_argument(problem)
-    if time_limit is not None:
-        positive_number("time_limit", time_limit, "s")
+    check_time_limit(time_limit)
     if not isinstance(observe, bool):
         check_function("observe", observe)
     read_run(folder / RUN)  # what is no run is not locked

@@ -16,7 +16,7 @@ from paretoik.capability.best_postures import best_postures
 from paretoik.capability.joint_capability import Quantity, joint_speeds, motor_speeds, torque_capacity
 from paretoik.capability.posture_maxima import fastest_joint_speeds, greatest_forces
 from paretoik.errors import InvalidInput
-from paretoik.inputs import check_seed, check_size, finite_array, shown
+from paretoik.inputs import check_choice, check_seed, check_size, finite_array
 from paretoik.robot import kinematics
 from paretoik.robot.arm import Arm
 from paretoik.robot.dynamics import gravity_torques
@@ -80,8 +80,7 @@ def directional_query(
 ) -> DirectionalQuery:
     """Return what is asked for; raises InvalidInput naming what cannot be used."""
     check_actuation(actuation, arm)
-    if quantity not in get_args(Quantity):
-        raise InvalidInput(f"quantity must be one of {', '.join(get_args(Quantity))}, got {shown(quantity)}")
+    check_choice("quantity", quantity, get_args(Quantity))
     check_size("starts", starts, 1)
     check_seed("seed", seed)
     task = 2 if arm.is_planar else 3

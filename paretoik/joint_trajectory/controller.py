@@ -43,7 +43,7 @@ class Braking:
 
     def velocity_bounds(self, q: Float[np.ndarray, "time dof"]) -> Float[np.ndarray, "2 time dof"]:
         """Return the lower and upper velocities [rad/s] that leave room to brake at joint positions q."""
-        q = joint_positions(q, len(self.position))
+        q = np.atleast_2d(joint_positions(q, len(self.position)))
         room = np.stack([q - self.position[:, 0], self.position[:, 1] - q])
         speed = np.maximum(np.sqrt(np.maximum(self.double_deceleration * room, 0.0)) - self.offset, 0.0)
         return speed * np.array([-1.0, 1.0])[:, None, None]
@@ -107,7 +107,7 @@ class Controller:
 
     def velocity_bounds(self, q: Float[np.ndarray, "time dof"]) -> Float[np.ndarray, "2 time dof"]:
         """Return the lower and upper velocity limits [rad/s] at joint positions q."""
-        q = joint_positions(q, len(self.joint_names))
+        q = np.atleast_2d(joint_positions(q, len(self.joint_names)))
         bounds = np.stack(np.broadcast_arrays(-self.velocity, self.velocity))[:, None, :]
         if self.braking is None:
             return np.broadcast_to(bounds, (2, *q.shape))

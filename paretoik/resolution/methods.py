@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.errors import InvalidInput
-from paretoik.inputs import ArrayLike, check_choice, finite_array, read_list
+from paretoik.inputs import ArrayLike, check_choice, finite_array, read_list, shown
 from paretoik.resolution.method import Criterion as Criterion
 from paretoik.resolution.method import Method as Method
 from paretoik.resolution.method import Number as Number
@@ -231,4 +231,4 @@ class Nedungadi(Method):
 
     def __post_init__(self) -> None:
         if not (finite_array("Nedungadi: tolerance", self.tolerance) > 0).all():
-            raise InvalidInput(f"Nedungadi: a positive tolerance wanted, got {self.tolerance}")
+            raise InvalidInput(f"Nedungadi: a positive tolerance wanted, got {shown(self.tolerance)}")

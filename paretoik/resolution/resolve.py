@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.errors import EvaluationFailed, Infeasible, InvalidInput
-from paretoik.inputs import check_seed, finite_array, shown
+from paretoik.inputs import check_choice, check_seed, finite_array, shown
 from paretoik.resolution.constrained import ConstrainedTraces
 from paretoik.resolution.follow import follow
 from paretoik.resolution.methods import ConstrainedQP, Criterion, Method, VelocityMethod
@@ -71,8 +71,7 @@ def resolution_of(
     """Return what ``paretoik.resolve`` is asked for; raises InvalidInput naming what cannot be used, and OutOfReach."""
     if not isinstance(method, Method):
         raise InvalidInput(f"resolve: wants a method, such as PseudoInverse(), got {shown(method)}")
-    if unreachable not in get_args(Unreachable):
-        raise InvalidInput(f"unreachable must be one of {', '.join(get_args(Unreachable))}, got {shown(unreachable)}")
+    check_choice("unreachable", unreachable, get_args(Unreachable))
     if not finite_array("tolerance", tolerance, ()) > 0:
         raise InvalidInput(f"tolerance: a positive distance in m or rad wanted, got {tolerance}")
     check_seed("seed", seed)
@@ -116,13 +115,10 @@ def _starts(task: MotionTask, start: object, seed: int) -> np.ndarray:
         lower, upper = task.bounds.get("position", task.arm.position_limits[None])[0].T
         within = ((candidates >= lower) & (candidates <= upper)).all(axis=1)
         return np.asarray(candidates[np.argmax(singular_values.min(axis=1) + 1e3 * within)])
-    try:
-        q = np.array(start, dtype=float)
-    except (TypeError, ValueError):
-        raise InvalidInput(f"start: joint positions (..., {task.arm.dof}) wanted, got {shown(start)}") from None
+    q = finite_array("start", start)
     if q.ndim == 0 or q.shape[-1] != task.arm.dof or not q.size:
         raise InvalidInput(f"start: joint positions (..., {task.arm.dof}) wanted, got shape {q.shape}")
-    return finite_array("start", q)
+    return q
 
 
 def _check_criteria(task: MotionTask, motion: ResolvedMotion, criteria: Sequence[Criterion]) -> None:
@@ -155,7 +151,7 @@ def _check_tracking(task: MotionTask, motion: ResolvedMotion, tolerance: float) 
     name = f"motion {', '.join(str(int(k)) for k in index)}: " if index else ""
     if sample == 0:
         raise InvalidInput(
-            f"resolve: {name}start is {errors[i, 0]:.3g} m (or rad) off the path's first sample; wants at most "
+            f"resolve: {name}start is {errors[i, 0]:.3g} m (or rad) off the path's first sample, which must be at most "
             f'{tolerance:g}, or unreachable="track"'
         )
     distance = f"{errors[i, sample]:.3g} m or rad off the path"

@@ -449,7 +449,7 @@ def test_more_redundancy_and_several_tasks():
             "PredictiveKineticEnergy: numbers wanted, got an empty",
         ),
         ({"start": [0.3, 0.2, 0.5]}, "start is 0.2"),
-        ({"start": "home"}, "start: joint positions (..., 3) wanted, got 'home'"),
+        ({"start": "home"}, "start: must hold real numbers, got text"),
         ({"method": pk.methods.PseudoInverse(feedback=1000.0)}, "PseudoInverse: feedback from 0 to 40 1/s wanted"),
         (
             {"method": pk.methods.GradientProjection(criteria=[Criterion(objective=pk.torque_norm)])},

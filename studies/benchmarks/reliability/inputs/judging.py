@@ -9,6 +9,7 @@ import time
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Literal
 
 from paretoik.errors import InvalidInput, ParetoikError
@@ -143,7 +144,8 @@ def _is_named(case: Case, message: str) -> bool:
     if argument.is_unnamed or argument == case.surface.arguments[0]:
         names.add(case.surface.name.rpartition(".")[2])
     names.update(PARTS.get(f"{case.surface.name}({argument.name})", ()))
-    if "path" in argument.kinds and re.search(r"/|\w\.\w", message):
+    value = case.bad.fault.make(Path.cwd())
+    if "path" in argument.kinds and ("/" in message or " ".join(str(value).split()) in message):
         return True  # a file is called by its path
     return any(re.search(rf"\b{re.escape(name)}\b", message, re.IGNORECASE) for name in names)
 
