@@ -17,7 +17,6 @@ Every message is one line: the name of the thing, what was wanted, what was foun
 from __future__ import annotations
 
 from collections.abc import Sequence
-from numbers import Integral
 
 
 class ParetoikError(Exception):
@@ -26,6 +25,9 @@ class ParetoikError(Exception):
     partial: object = None
 
     exit_code = 1
+
+    def __init__(self, message: str = "") -> None:
+        super().__init__(" ".join(message.split()))  # what a foreign error says may have several lines
 
 
 class InvalidInput(ParetoikError, ValueError):  # noqa: N818  the name says what it is; "Error" would add nothing
@@ -84,9 +86,3 @@ class SolverFailed(ParetoikError):  # noqa: N818
     """A solver ended without a solution, although one may exist; the message names it and how it ended."""
 
     exit_code = 4
-
-
-def check_size(name: str, size: object, minimum: int) -> None:
-    """Raise InvalidInput unless ``size`` is an integer of at least ``minimum``."""
-    if isinstance(size, bool) or not isinstance(size, Integral) or size < minimum:
-        raise InvalidInput(f"{name}: an integer of at least {minimum} wanted, got {size!r}")

@@ -13,6 +13,7 @@ from typing import Any, TypeGuard
 
 from paretoik.errors import InvalidInput, ParetoikError
 from paretoik.formulations.protocol import timeline
+from paretoik.inputs import shown
 
 
 def load_problem(reference: str) -> Any:
@@ -28,7 +29,7 @@ def load_problem(reference: str) -> Any:
     place, _, name = reference.rpartition(":")
     if not place or not name:
         raise InvalidInput(
-            f"problem: wanted FILE.py:NAME or package.module:NAME, got {reference!r} ('paretoik list' shows names)"
+            f"problem: wanted FILE.py:NAME or package.module:NAME, got {shown(reference)} ('paretoik list' shows names)"
         )
     module = _import_module(place)
     value = getattr(module, name, None)

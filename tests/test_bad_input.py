@@ -53,7 +53,7 @@ INPUTS = {
     "centers: must hold": lambda: arm(centers="x"),
     "inertias: must hold": lambda: arm(inertias={}),
     "position_limits: must hold": lambda: arm(position_limits={}),
-    "velocity_limits wants one value or 3, one a joint": lambda: arm(velocity_limits="fast"),
+    "velocity_limits: must hold real numbers, got text": lambda: arm(velocity_limits="fast"),
     "file: a path wanted, got None": lambda: pk.Arm.from_urdf(None),
     "file: a path wanted, got 5": lambda: pk.check_robot(5),
     "joint 'panda_joint1': must hold": lambda: pk.Arm.from_urdf(PANDA, tip="panda_hand", fixed={"panda_joint1": "x"}),

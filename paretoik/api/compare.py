@@ -6,10 +6,9 @@ from collections.abc import Sequence, Set
 from pathlib import Path
 
 from paretoik.api.load_front import load_front
-from paretoik.errors import InvalidInput
 from paretoik.front.comparison import Comparison
 from paretoik.front.front import Front
-from paretoik.inputs import file_path
+from paretoik.inputs import file_path, read_list
 
 
 def compare(*fronts: Front | Path | str, labels: Sequence[str] | None = None) -> Comparison:
@@ -28,13 +27,9 @@ def compare(*fronts: Front | Path | str, labels: Sequence[str] | None = None) ->
     >>> print(repr(pk.compare(a, b)))
     Comparison of 2 fronts, hypervolume front 1 0.3865, front 2 0.8466 of the merged front's
     """
-    for name in labels or ():
-        if not isinstance(name, str):
-            raise InvalidInput(f"labels: wanted text, got {name!r}")
-    if isinstance(labels, str):
-        raise InvalidInput(f"labels: wanted a list of them, got {labels!r}")
-    loaded = tuple(front if isinstance(front, Front) else load_front(file_path("folder", front)) for front in fronts)
-    return Comparison(fronts=loaded, labels=_labels(fronts) if labels is None else tuple(labels))
+    named = None if labels is None else read_list("labels", labels, str, "a list of them")
+    loaded = tuple(front if isinstance(front, Front) else load_front(file_path("fronts", front)) for front in fronts)
+    return Comparison(fronts=loaded, labels=_labels(fronts) if named is None else named)
 
 
 def _labels(fronts: Sequence[Front | Path | str]) -> tuple[str, ...]:

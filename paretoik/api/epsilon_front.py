@@ -15,12 +15,12 @@ from paretoik.api.review_front import review_front
 from paretoik.api.run_session import RunSession, Subject, run_session
 from paretoik.api.sweep_display import SweepDisplay
 from paretoik.arrays import Genes, Points
-from paretoik.errors import InvalidInput, check_size
+from paretoik.errors import InvalidInput
 from paretoik.execution.time_limit import check_time_limit
 from paretoik.formulations.protocol import Differentiable
 from paretoik.formulations.requirements import require_program
 from paretoik.front.front import Front
-from paretoik.inputs import check_flag
+from paretoik.inputs import check_count, check_flag, check_seed, check_size
 from paretoik.nlp.minimise import check_solver
 from paretoik.nlp.program import Solver
 from paretoik.pareto.epsilon import epsilon_points
@@ -87,9 +87,8 @@ def epsilon_front(
         Where no start leads to an optimum of one of the objectives alone, or the time limit comes before one does.
     """
     check_size("points", points, 2)
-    if starts is not None:
-        check_size("starts", starts, 1)
-    check_size("seed", seed, 0)
+    check_count("starts", starts)
+    check_seed("seed", seed)
     check_time_limit(time_limit)
     check_flag("overwrite", overwrite)
     formulation = require_program("epsilon_front", problem)

@@ -10,7 +10,7 @@ from typing import Any
 
 from paretoik.errors import InvalidInput
 from paretoik.front.front import Choice
-from paretoik.inputs import check_flag, file_path, positive_number
+from paretoik.inputs import check_flag, check_mapping, file_path, positive_number, shown
 from paretoik.joint_trajectory.controller import Controller
 from paretoik.joint_trajectory.controllers import find_controller
 from paretoik.joint_trajectory.fitting import fit_motion
@@ -104,7 +104,7 @@ def _one_motion(motion: Choice | Motion) -> tuple[Motion, dict[str, Any]]:
                 "pk.load_front(folder, problem), or --problem FILE.py:NAME"
             )
     if not isinstance(motion, Motion):
-        raise InvalidInput(f"motion: a Motion or the Choice of one wanted, got {motion!r}")
+        raise InvalidInput(f"motion: a Motion or the Choice of one wanted, got {shown(motion)}")
     if motion.q.ndim != 2:
         raise InvalidInput(f"motion: one motion wanted, got a batch of {motion.q.shape[:-2]}; pick one: motions[0]")
     return motion, about
@@ -112,10 +112,12 @@ def _one_motion(motion: Choice | Motion) -> tuple[Motion, dict[str, Any]]:
 
 def _notes(metadata: Mapping[str, Any] | None, about: Mapping[str, Any]) -> dict[str, Any]:
     """Return a user's own metadata; raises InvalidInput where it has a name of ours, or what JSON cannot hold."""
+    if metadata is not None:
+        check_mapping("metadata", metadata, "entries by name")
     notes: dict[str, Any] = to_json(dict(metadata or {}), name="metadata")
     ours = next((name for name in notes if name in {*MADE, *about} - {"objectives"}), None)
     if ours is not None:
-        raise InvalidInput(f"metadata: wanted other names than those of what export says itself, got {ours!r}")
+        raise InvalidInput(f"metadata: wanted other names than those of what export says itself, got {shown(ours)}")
     return notes
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from paretoik.api.run_problem import problem_of_run
+from paretoik.api.run_problem import check_problem_argument, problem_of_run
 from paretoik.errors import ParetoikError
 from paretoik.fingerprint.fingerprint import check_fingerprint
 from paretoik.formulations.protocol import restore_motions
@@ -31,6 +31,7 @@ def load_front(folder: str | Path, problem: Any = None) -> Front:
         Where ``problem`` is not the one that the run solved, or cannot be loaded.
     """
     folder = file_path("folder", folder)
+    check_problem_argument(problem)
     front = Front.load(folder)
     try:
         whole = problem_of_run(folder, front.provenance.get("problem"), problem)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from paretoik.api.plan_storage import read_plan
-from paretoik.api.run_problem import problem_of_run
+from paretoik.api.run_problem import check_problem_argument, problem_of_run
 from paretoik.errors import InvalidInput, InvalidRun
 from paretoik.fingerprint.fingerprint import check_fingerprint
 from paretoik.formulations.protocol import motions_of_task
@@ -29,6 +29,7 @@ def load_plan(folder: str | Path, problem: Any = None) -> Plan:
         Where the problem is not at hand, or not the one that was planned.
     """
     folder = file_path("folder", folder)
+    check_problem_argument(problem)
     run, columns, stored = read_plan(folder)
     problem = problem_of_run(folder, run.get("problem"), problem)
     if problem is None:

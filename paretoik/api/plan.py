@@ -12,10 +12,9 @@ from paretoik.api.plan_display import PlanDisplay
 from paretoik.api.plan_storage import save_plan
 from paretoik.api.progress import Observer
 from paretoik.api.run_session import Subject, run_session
-from paretoik.errors import check_size
 from paretoik.execution.time_limit import check_time_limit
 from paretoik.formulations.requirements import require_plan
-from paretoik.inputs import check_flag
+from paretoik.inputs import check_count, check_flag, check_seed
 from paretoik.nlp.minimise import check_solver
 from paretoik.nlp.program import Solver
 from paretoik.task.motion import Motion
@@ -86,9 +85,8 @@ def plan(
     >>> round(optima.best.objective, 3)
     0.038
     """
-    if starts is not None:
-        check_size("starts", starts, 1)
-    check_size("seed", seed, 0)
+    check_count("starts", starts)
+    check_seed("seed", seed)
     check_time_limit(time_limit)
     check_flag("overwrite", overwrite)
     find_optima = require_plan(problem)

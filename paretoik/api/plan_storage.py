@@ -17,6 +17,7 @@ from paretoik.file_replacement import without_writers
 from paretoik.front.joint_motions import StoredJoints, StoredMotions
 from paretoik.front.storage import array_bytes, motion_arrays, read_motions, read_verified
 from paretoik.run_files import MOTIONS, OPTIMA, RUN, check_digest, is_run, read_run, unfinished_note, write_result
+from paretoik.stored_arrays import read_table
 from paretoik.trajectory.plan import Plan
 
 HOLDS = "the optima of a plan, which load_plan opens"
@@ -110,7 +111,6 @@ def _motions_bytes(plan: Plan) -> bytes:
 def _read_optima(file: Path, content: bytes, name: str) -> dict[str, list[Any]]:
     """Return the columns of the optima, the objective's as "objective"."""
     import pyarrow as pa
-    import pyarrow.parquet as pq
 
     kinds = {
         "id": pa.int64(),
@@ -120,8 +120,7 @@ def _read_optima(file: Path, content: bytes, name: str) -> dict[str, list[Any]]:
         "branch": pa.string(),
     }
     try:
-        # Without a thread: those of read_table may abort the interpreter as it ends (apache/arrow#34314).
-        table = pq.ParquetFile(pa.BufferReader(content)).read(use_threads=False)
+        table = read_table(content)
         columns = {key: table.column(key).cast(kind).to_pylist() for key, kind in kinds.items()}
     except Exception as fault:  # whatever the parser trips over is the file's fault
         cause = (str(fault).splitlines() or [type(fault).__name__])[0]

@@ -27,7 +27,7 @@ from paretoik.formulations.protocol import Differentiable
 from paretoik.formulations.requirements import require_program
 from paretoik.front.front import Front
 from paretoik.front.indicators import ranges_of
-from paretoik.inputs import check_flag, file_path
+from paretoik.inputs import check_flag, file_path, shown
 from paretoik.nlp.minimise import check_solver
 from paretoik.nlp.program import Solver
 from paretoik.pareto.improver import OPTIONS, suggest_points
@@ -171,7 +171,7 @@ def _keeps_between(problem: Any) -> bool:
 def _refinable(front: Front, problem: Any) -> tuple[Any, Differentiable]:
     """Return the problem of a front, which has gradients; raises InvalidInput where there is none."""
     if not isinstance(front, Front):
-        raise InvalidInput(f"refine: a front wanted, got {front!r}")
+        raise InvalidInput(f"refine: a front wanted, got {shown(front)}")
     problem = front.problem if problem is None else problem
     if problem is None:
         raise InvalidInput("refine: a front with its problem wanted; refine(front, problem) names it")

@@ -9,6 +9,7 @@ import numpy as np
 
 from paretoik.api.load_front import load_front
 from paretoik.api.result_text import certificate_text, gap_text
+from paretoik.api.run_problem import check_problem_argument
 from paretoik.api.run_text import status_text
 from paretoik.errors import InvalidInput, InvalidRun
 from paretoik.formulations.protocol import is_loop
@@ -18,7 +19,8 @@ from paretoik.front.reason import list_words
 from paretoik.inputs import check_flag, file_path
 from paretoik.review.limits_between import describe_limits_between
 from paretoik.review.report.report import Report, Steps
-from paretoik.run_files import PAGE_MARK, REPORT, STEPS, check_target
+from paretoik.run_files import PAGE_MARK, REPORT, STEPS, check_target, read_plain_file
+from paretoik.stored_arrays import read_table
 
 STEP_PARTS = ("chosen", "best", "worst")  # columns of a closed loop's table of steps
 
@@ -37,8 +39,9 @@ def report(
     Raises InvalidInput where a front without a folder comes without a file, or the file cannot be written; InvalidRun
     for a folder that holds no run, or a damaged one.
     """
+    check_problem_argument(problem)
     if not isinstance(front, Front):
-        front = load_front(file_path("folder", front), problem)
+        front = load_front(file_path("front", front), problem)
     if file is not None:
         place = file_path("file", file)
     elif front.folder is not None:
@@ -75,10 +78,10 @@ def _steps(front: Front, folder: Path | None) -> Steps | None:
     """Return what a closed loop chose at every step, from its run folder; None of other runs."""
     if folder is None or not is_loop(front) or not (folder / STEPS).is_file():
         return None
-    from pyarrow import ArrowException, parquet
+    from pyarrow import ArrowException
 
     try:
-        table = parquet.read_table(folder / STEPS)
+        table = read_table(read_plain_file(folder / STEPS))
         parts = [np.stack([table[f"{part} {name}"] for name in front.names], axis=1) for part in STEP_PARTS]
         return Steps(times=np.asarray(table["time"]), chosen=parts[0], best=parts[1], worst=parts[2])
     except (ArrowException, KeyError, ValueError, OSError) as fault:

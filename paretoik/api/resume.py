@@ -14,19 +14,21 @@ from paretoik.api.epsilon_front import epsilon_front
 from paretoik.api.plan import plan
 from paretoik.api.progress import Observer
 from paretoik.api.refine import refine
-from paretoik.api.run_problem import problem_of_run
+from paretoik.api.run_problem import check_problem_argument, problem_of_run
 from paretoik.api.run_session import SOURCE, StoppedRun, versions
 from paretoik.api.solve import solve
 from paretoik.errors import InvalidInput, InvalidRun
 from paretoik.execution.run_folder import reclaim_folder
+from paretoik.execution.time_limit import check_time_limit
 from paretoik.fingerprint.fingerprint import check_fingerprint
 from paretoik.formulations.protocol import restore_motions, timeline
 from paretoik.front.front import Front
 from paretoik.front.preferences.weights import Weights
 from paretoik.front.subset import attach
-from paretoik.inputs import file_path
+from paretoik.inputs import check_flag, check_function, file_path
 from paretoik.journal import journalled
 from paretoik.run_files import CHECKPOINT, JOURNAL, RUN, can_resume, check_digest, read_run
+from paretoik.search.seeding import check_algorithm
 from paretoik.trajectory.plan import Plan
 
 VERBS: dict[str, Callable[..., Front | Plan]] = {each.__name__: each for each in (solve, plan, epsilon_front, refine)}
@@ -69,6 +71,12 @@ def resume(
         than the run's, or a library has another version than it had.
     """
     folder = file_path("folder", folder)
+    check_flag("live", live)
+    check_algorithm(algorithm)
+    check_problem_argument(problem)
+    check_time_limit(time_limit)
+    if not isinstance(observe, bool):
+        check_function("observe", observe)
     read_run(folder / RUN)  # what is no run is not locked
     with reclaim_folder(folder):
         verb, arguments = _call(folder, problem, algorithm)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from paretoik.errors import InvalidInput
+from paretoik.inputs import shown
 from paretoik.loading import load_problem
 
 CONFIRM = "problem=, or --problem FILE.py:NAME, loads one wherever it is"
@@ -27,6 +28,13 @@ def problem_of_run(folder: Path, reference: object, problem: Any = None) -> Any:
         return problem
     check_own(folder, reference)
     return load_problem(str(reference))
+
+
+def check_problem_argument(problem: object) -> None:
+    """Raise InvalidInput unless this is a problem, the name of one, or None; of a polygon it is the arm."""
+    is_problem = not isinstance(problem, type) and (hasattr(problem, "n_obj") or hasattr(problem, "dof"))
+    if problem is not None and not isinstance(problem, str) and not is_problem:
+        raise InvalidInput(f"problem: a problem or FILE.py:NAME wanted, got {shown(problem)}")
 
 
 def check_own(folder: Path, reference: object) -> None:

@@ -19,7 +19,7 @@ from paretoik.execution.run_folder import claim_folder
 from paretoik.fingerprint.fingerprint import fingerprint
 from paretoik.formulations.protocol import Timeline
 from paretoik.front.front import Front
-from paretoik.inputs import check_flag, file_path
+from paretoik.inputs import check_flag, check_text, file_path
 from paretoik.journal import journalled
 from paretoik.review.recording.recorder import Recorder, Scene, SearchedFront
 from paretoik.review.recording.workcell import Workcell
@@ -174,6 +174,8 @@ class Subject:
     @classmethod
     def of(cls, problem: Any, reference: str | None) -> Subject:
         """Return a problem as a subject."""
+        if reference is not None:
+            check_text("reference", reference)
         return cls(title=reference or type(problem).__name__, fingerprint=fingerprint(problem), reference=reference)
 
 

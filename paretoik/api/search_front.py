@@ -16,12 +16,12 @@ from paretoik.api.refine import SearchImprover
 from paretoik.api.review_front import review_front
 from paretoik.api.run_session import RunSession
 from paretoik.api.settings import DEFAULTS, SolveSettings
-from paretoik.errors import Infeasible, InvalidInput, check_size
+from paretoik.errors import Infeasible, InvalidInput
 from paretoik.formulations.protocol import decode, explain_violation, has_branches
 from paretoik.formulations.requirements import check_formulation, require_program
 from paretoik.front.front import Front
 from paretoik.front.hypervolume_curve import HypervolumeCurve
-from paretoik.inputs import real_array
+from paretoik.inputs import check_size, real_array, shown
 from paretoik.nlp.minimise import check_solver
 from paretoik.review.recording.recorder import Generation
 from paretoik.review.recording.workcell import workcell_of
@@ -49,7 +49,7 @@ class FrontSearch:
         if settings.refine:
             check_solver(require_program("refine", problem).program(), settings.solver)
         elif settings.solver != "auto":
-            raise InvalidInput(f"solver: wants refine=True, got {settings.solver!r} without it")
+            raise InvalidInput(f"solver: wants refine=True, got {shown(settings.solver)} without it")
         self.problem = problem
         self.generations = DEFAULTS.generations if settings.generations is None else settings.generations
         check_size("generations", self.generations, 1)
@@ -217,7 +217,9 @@ def _endings(search: Search, settings: SolveSettings, generations: int, anchors:
     if settings.target is not None:
         values = real_array("target", settings.target)
         if values.shape != (len(search.names),):
-            raise InvalidInput(f"target: wants {len(search.names)} numbers, one an objective, got {settings.target!r}")
+            raise InvalidInput(
+                f"target: wants {len(search.names)} numbers, one an objective, got {shown(settings.target)}"
+            )
         endings.append(Target(tuple(np.where(search.maximised, -values, values).tolist())))
     if settings.stagnation:
         endings.append(Stagnation(since=anchors * search.problem.n_obj))

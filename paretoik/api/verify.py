@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from paretoik.api.run_problem import problem_of_run
+from paretoik.api.run_problem import check_problem_argument, problem_of_run
 from paretoik.errors import ParetoikError
 from paretoik.file_replacement import without_writers
 from paretoik.fingerprint.fingerprint import fingerprint
@@ -35,6 +35,7 @@ def verify(folder: str | Path, problem: Any = None) -> Verification:
     from paretoik.verification.verify_run import verify_run
 
     path, reason, same = file_path("folder", folder), "", None
+    check_problem_argument(problem)
     with without_writers(path):
         run = read_contents(path)
     reference = run.entries.get("problem")

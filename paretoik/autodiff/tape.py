@@ -13,6 +13,7 @@ import numpy as np
 
 from paretoik.autodiff.operations import COMMUTATIVE, NO_OPERAND, Op, compute
 from paretoik.errors import InvalidInput
+from paretoik.inputs import shown
 
 Entry: TypeAlias = tuple[Op, int, int, int]
 
@@ -208,7 +209,7 @@ def as_entry(tape: Tape, value: Any) -> int:
         assert value.tape is tape, "expressions of two tapes met"
         return value.index
     if not isinstance(value, float | int | np.bool_ | np.integer | np.floating):
-        raise InvalidInput(f"real numbers are wanted where derivatives are taken, got {value!r}")
+        raise InvalidInput(f"real numbers are wanted where derivatives are taken, got {shown(value)}")
     return tape.constant(float(value))
 
 

@@ -18,6 +18,7 @@ from paretoik.capability.compiled import actuators
 from paretoik.capability.motor_curves import SHAPES, MotorCurve, MotorShape
 from paretoik.capability.rods import angle_range, broadcast, check_geometry
 from paretoik.errors import InvalidInput
+from paretoik.inputs import check_instance, finite_number, shown
 from paretoik.robot.arm import Arm
 
 LEAST_ROD_ANGLE = float(np.deg2rad(10.0))  # rad: nearer to 0 or π sliders hardly turn the joint, or hardly hold it
@@ -34,7 +35,7 @@ class JointActuation:
 
     def __post_init__(self) -> None:
         if not isinstance(self.motors, MotorCurve):
-            raise InvalidInput(f"joint actuation: motors wants a MotorCurve, got {self.motors!r}")
+            raise InvalidInput(f"joint actuation: motors wants a MotorCurve, got {shown(self.motors)}")
 
     @classmethod
     def of(cls, arm: Arm, *, shape: MotorShape = "box") -> JointActuation:
@@ -125,7 +126,7 @@ class DistributedActuation:
         back = front if back is None else back
         for name, curve in (("front", front), ("back", back)):
             if not isinstance(curve, MotorCurve):
-                raise InvalidInput(f"distributed actuation: {name} wants a MotorCurve, got {curve!r}")
+                raise InvalidInput(f"distributed actuation: {name} wants a MotorCurve, got {shown(curve)}")
         dof = len(front.stall)
         if len(back.stall) != dof or back.shape != front.shape:
             raise InvalidInput(
@@ -194,15 +195,14 @@ Actuation: TypeAlias = JointActuation | DistributedActuation
 
 def check_arm(arm: object) -> None:
     """Raise InvalidInput for what is no arm."""
-    if not isinstance(arm, Arm):
-        raise InvalidInput(f"arm: an Arm wanted, got {arm!r}")
+    check_instance("arm", arm, Arm, "an Arm")
 
 
 def check_actuation(actuation: object, arm: Arm) -> None:
     """Raise InvalidInput unless ``arm`` is one, and ``actuation`` drives as many joints as it has."""
     check_arm(arm)
     if not isinstance(actuation, JointActuation | DistributedActuation):
-        raise InvalidInput(f"actuation: a JointActuation or DistributedActuation wanted, got {actuation!r}")
+        raise InvalidInput(f"actuation: a JointActuation or DistributedActuation wanted, got {shown(actuation)}")
     if actuation.dof != arm.dof:
         raise InvalidInput(f"actuation: {arm.dof} joints of {arm.name} wanted, got {actuation.dof}")
     if isinstance(actuation, DistributedActuation) and not arm.periodic.all():
@@ -234,6 +234,6 @@ def kim_sliders(base_angle: float = float(np.deg2rad(-120.0)), bend: Literal[-1,
         front=MotorCurve(stall=[195.9, 55.8, 55.8], fastest=[1.8e-3, 7.1e-3, 7.1e-3]),
         rod=0.080,
         front_bounds=(0.037, 0.077),
-        zero=[base_angle, 0.0, 0.0],
+        zero=[finite_number("base_angle", base_angle), 0.0, 0.0],
         bend=bend,
     )

@@ -15,8 +15,8 @@ from paretoik.capability.actuation import Actuation, DistributedActuation, check
 from paretoik.capability.best_postures import best_postures
 from paretoik.capability.joint_capability import Quantity, joint_speeds, motor_speeds, torque_capacity
 from paretoik.capability.posture_maxima import fastest_joint_speeds, greatest_forces
-from paretoik.errors import InvalidInput, check_size
-from paretoik.inputs import finite_array
+from paretoik.errors import InvalidInput
+from paretoik.inputs import check_choice, check_seed, check_size, finite_array
 from paretoik.robot import kinematics
 from paretoik.robot.arm import Arm
 from paretoik.robot.dynamics import gravity_torques
@@ -80,10 +80,9 @@ def directional_query(
 ) -> DirectionalQuery:
     """Return what is asked for; raises InvalidInput naming what cannot be used."""
     check_actuation(actuation, arm)
-    if quantity not in get_args(Quantity):
-        raise InvalidInput(f"quantity must be one of {', '.join(get_args(Quantity))}, got {quantity!r}")
+    check_choice("quantity", quantity, get_args(Quantity))
     check_size("starts", starts, 1)
-    check_size("seed", seed, 0)
+    check_seed("seed", seed)
     task = 2 if arm.is_planar else 3
     return DirectionalQuery(
         arm=arm,

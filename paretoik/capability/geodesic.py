@@ -16,14 +16,13 @@ from scipy.linalg import LinAlgError, cholesky_banded, eig_banded, solveh_banded
 from paretoik.capability.model_evaluation import (
     check_ends,
     check_inside,
-    check_model,
     evaluate_roots,
     is_outside,
     linearise_pieces,
 )
-from paretoik.capability.speed_models import SpeedModel
-from paretoik.errors import InvalidInput, SolverFailed, check_size
-from paretoik.inputs import ArrayLike, finite_array
+from paretoik.capability.speed_models import SpeedModel, check_model
+from paretoik.errors import InvalidInput, SolverFailed
+from paretoik.inputs import ArrayLike, check_size, finite_array
 from paretoik.nlp.interval_program import Pieces
 
 

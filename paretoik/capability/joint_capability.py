@@ -14,6 +14,7 @@ from paretoik.capability.actuation import Actuation, DistributedActuation, Joint
 from paretoik.capability.compiled import actuators
 from paretoik.capability.posture_maxima import greatest_forces, highest_speeds
 from paretoik.errors import Infeasible, InvalidInput
+from paretoik.inputs import shown
 from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arm import Arm
 
@@ -110,7 +111,7 @@ def quantities_along(quantity: object, count: int) -> tuple[Quantity, ...]:
     if not valid:
         raise InvalidInput(
             f"quantity must be one of {', '.join(get_args(Quantity))}, or a list of {count}, one a direction, "
-            f"got {quantity!r}"
+            f"got {shown(quantity)}"
         )
     return tuple(each)
 

@@ -5,16 +5,10 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Bool, Float
 
-from paretoik.capability.speed_models import SpeedModel
+from paretoik.capability.speed_models import SpeedModel, check_model
 from paretoik.errors import InvalidInput
 from paretoik.inputs import ArrayLike, finite_array
 from paretoik.nlp.interval_program import Pieces
-
-
-def check_model(model: object) -> None:
-    """Raise InvalidInput for what is no model of speeds."""
-    if not all(hasattr(model, name) for name in ("lower", "upper", "roots")):
-        raise InvalidInput(f"model: a model of speeds wanted, such as fit_ellipsoids returns, got {model!r}")
 
 
 def check_ends(model: SpeedModel, start: ArrayLike, target: ArrayLike) -> tuple[np.ndarray, np.ndarray]:

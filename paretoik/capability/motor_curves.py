@@ -14,6 +14,7 @@ from jaxtyping import Float
 from paretoik.arrays import Joints, read_only
 from paretoik.capability.compiled import actuators
 from paretoik.errors import InvalidInput
+from paretoik.inputs import check_choice, real_array, shown
 
 MotorShape = Literal["diamond", "strip", "box"]
 SHAPES: tuple[MotorShape, ...] = get_args(MotorShape)
@@ -39,8 +40,7 @@ class MotorCurve:
     shape: MotorShape = "diamond"
 
     def __init__(self, *, stall: object, fastest: object, shape: MotorShape = "diamond") -> None:
-        if shape not in SHAPES:
-            raise InvalidInput(f"motor curve: shape must be one of {', '.join(SHAPES)}, got {shape!r}")
+        check_choice("motor curve: shape", shape, SHAPES)
         efforts, speeds = (_positive(name, each) for name, each in (("stall", stall), ("fastest", fastest)))
         if len(speeds) != len(efforts):
             raise InvalidInput(f"motor curve: {len(efforts)} fastest wanted, one for each stall, got {len(speeds)}")
@@ -57,7 +57,7 @@ class MotorCurve:
         try:
             share = np.asarray(effort, dtype=float) / self.stall
         except (TypeError, ValueError):
-            raise InvalidInput(f"motor curve: efforts (..., {len(self.stall)}) wanted, got {effort!r}") from None
+            raise InvalidInput(f"motor curve: efforts (..., {len(self.stall)}) wanted, got {shown(effort)}") from None
         high, low = (
             np.maximum(0.0, 1.0 - np.abs(turned))
             if self.shape == "diamond"
@@ -88,10 +88,7 @@ class MotorCurve:
 
 def _positive(name: str, value: object) -> Float[np.ndarray, " dof"]:
     """Return positive numbers, one a joint, inf among them; raise InvalidInput for what is none."""
-    try:
-        numbers = np.atleast_1d(np.array(value, dtype=float))
-    except (TypeError, ValueError):
-        numbers = np.empty(0)
-    if numbers.ndim != 1 or not len(numbers) or not np.all(numbers > 0) or np.iscomplexobj(np.asarray(value)):
-        raise InvalidInput(f"motor curve: {name} wants positive numbers, one a joint, got {value!r}")
+    numbers = np.atleast_1d(real_array(f"motor curve: {name} wants positive numbers, one a joint", value))
+    if numbers.ndim != 1 or not len(numbers) or not np.all(numbers > 0):
+        raise InvalidInput(f"motor curve: {name} wants positive numbers, one a joint, got {shown(value)}")
     return read_only(numbers)

@@ -20,8 +20,8 @@ from jaxtyping import Float
 from paretoik.capability.geodesic import fastest_path
 from paretoik.capability.model_evaluation import check_ends, evaluate_roots, linearise_pieces
 from paretoik.capability.speed_models import SpeedModel
-from paretoik.errors import InvalidInput, SolverFailed, check_size
-from paretoik.inputs import ArrayLike
+from paretoik.errors import InvalidInput, SolverFailed
+from paretoik.inputs import ArrayLike, check_size, shown
 from paretoik.nlp.interval_program import IntervalSolver, Pieces
 
 Formulation: TypeAlias = Literal["midpoint", "printed"]
@@ -86,7 +86,7 @@ class Planner:
     def __init__(self, model: SpeedModel, *, horizon: int, formulation: Formulation) -> None:
         check_size("horizon", horizon, 1)
         if formulation not in PLACES:
-            raise InvalidInput(f"formulation: one of {', '.join(PLACES)} wanted, got {formulation!r}")
+            raise InvalidInput(f"formulation: one of {', '.join(PLACES)} wanted, got {shown(formulation)}")
         self.model, self.horizon = model, horizon
         self._place, self._common = PLACES[formulation], formulation == "midpoint"
         self._solver = IntervalSolver(horizon, len(model.lower), common=self._common) if horizon > 1 else None

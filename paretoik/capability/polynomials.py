@@ -10,7 +10,8 @@ from math import comb
 import numpy as np
 from jaxtyping import Float, Int
 
-from paretoik.errors import InvalidInput, check_size
+from paretoik.errors import InvalidInput
+from paretoik.inputs import check_size
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

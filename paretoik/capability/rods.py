@@ -41,6 +41,9 @@ def broadcast(name: str, value: object, shape: tuple[int, ...]) -> np.ndarray:
     return read_only(array)
 
 
+LONGEST = np.sqrt(np.finfo(float).max) / 4  # m: squares of lengths are numbers still
+
+
 def check_geometry(
     *,
     rod: np.ndarray,
@@ -57,9 +60,10 @@ def check_geometry(
             j = int(np.argmax(wrong))
             raise InvalidInput(f"distributed actuation, joint {j + 1}: {wish}, got {fact[j].tolist()}")
 
-    refuse(rod <= 0, "a rod longer than 0 wanted", rod)
+    refuse((rod <= 0) | (rod > LONGEST), f"a rod longer than 0 and of at most {LONGEST:g} m wanted", rod)
     refuse(~np.isin(bend, (-1.0, 1.0)), "bend 1 or −1 wanted", bend)
     refuse((least_angle <= 0) | (least_angle >= np.pi), "a least angle between 0 and π wanted", least_angle)
     for name, pairs in (("front", front_bounds), ("back", back_bounds)):
-        refuse((pairs[:, 0] <= 0) | (pairs[:, 0] > pairs[:, 1]), f"{name} bounds 0 < lower ≤ upper wanted", pairs)
+        wrong = (pairs[:, 0] <= 0) | (pairs[:, 0] > pairs[:, 1]) | (pairs[:, 1] > LONGEST)
+        refuse(wrong, f"{name} bounds 0 < lower ≤ upper wanted", pairs)
     refuse(front_bounds[:, 1] > rod, "front sliders no farther than the rod is long wanted", front_bounds)

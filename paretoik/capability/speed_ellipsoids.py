@@ -12,7 +12,7 @@ from paretoik.capability.polynomials import empty_polynomials, orthogonal_design
 from paretoik.capability.speed_models import AxesEllipses, PolynomialEllipsoids
 from paretoik.capability.speed_samples import Directions, Positions, Speeds, check_determined, checked_samples
 from paretoik.errors import InvalidInput, SolverFailed
-from paretoik.inputs import finite_array
+from paretoik.inputs import check_flag, finite_array, shown
 from paretoik.nlp.ellipsoid_fit import fit_inverse_squares, symmetric_basis
 
 
@@ -59,7 +59,8 @@ def fit_ellipsoids(
     Source: Kim, Choi & Jang 2021, Eq. 5, with P in place of radii and an angle.
     """
     if not finite_array("margin", margin, ()) >= 0.0 or (margin > 0.0 and not safe):
-        raise InvalidInput(f"margin: a finite number from 0 on wanted, and 0 unless safe, got {margin!r}")
+        raise InvalidInput(f"margin: a finite number from 0 on wanted, and 0 unless safe, got {shown(margin)}")
+    check_flag("safe", safe)
     positions, directions, speeds = checked_samples(positions, directions, speeds)
     empty = empty_polynomials(positions, degree)
     design, triangular = orthogonal_design(empty, positions)

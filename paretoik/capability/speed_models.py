@@ -15,6 +15,7 @@ from jaxtyping import Float, Int
 
 from paretoik.capability.polynomials import Polynomials
 from paretoik.errors import InvalidInput
+from paretoik.inputs import shown
 
 
 @runtime_checkable
@@ -177,3 +178,9 @@ def upper_triangle(parts: int) -> Int[np.ndarray, "task task"]:
 PLANAR_PLACE = upper_triangle(3)
 DIAGONAL = np.array([1.0, 0.0, 1.0])  # of the entries a, b, d of a symmetric matrix of two rows
 COFACTORS = np.array([1.0, -2.0, 1.0])  # ∂(a d − b²) = d ∂a − 2 b ∂b + a ∂d
+
+
+def check_model(model: object) -> None:
+    """Raise InvalidInput for what is no model of speeds."""
+    if isinstance(model, type) or not all(hasattr(model, name) for name in ("lower", "upper", "roots")):
+        raise InvalidInput(f"model: a model of speeds wanted, such as fit_ellipsoids returns, got {shown(model)}")

@@ -9,8 +9,9 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.capability.polynomials import numerical_rank
-from paretoik.capability.speed_models import SpeedModel, speeds_along
+from paretoik.capability.speed_models import SpeedModel, check_model, speeds_along
 from paretoik.errors import InvalidInput
+from paretoik.inputs import real_array
 
 Positions: TypeAlias = Float[np.ndarray, "samples task"]
 Directions: TypeAlias = Float[np.ndarray, "directions task"]
@@ -45,6 +46,7 @@ def fit_errors(model: SpeedModel, positions: Positions, directions: Directions, 
 
     Raises InvalidInput where the arrays do not fit together, or hold speeds that are not positive.
     """
+    check_model(model)
     positions, directions, speeds = checked_samples(positions, directions, speeds)
     if positions.shape[1] != len(model.lower):
         raise InvalidInput(f"positions: {len(model.lower)} coordinates wanted, got {positions.shape[1]}")
@@ -95,12 +97,7 @@ def check_determined(directions: Directions) -> None:
 
 
 def _matrix(name: str, numbers: object, *, finite: bool = True) -> np.ndarray:
-    try:
-        matrix: np.ndarray = np.array(numbers, dtype=float)
-        if np.iscomplexobj(np.asarray(numbers)):
-            raise TypeError
-    except (TypeError, ValueError):
-        raise InvalidInput(f"{name}: a table of numbers wanted, got {type(numbers).__name__}") from None
+    matrix = real_array(name, numbers)
     if matrix.ndim != 2 or not matrix.size:
         raise InvalidInput(f"{name}: a table of rows and columns wanted, got shape {matrix.shape}")
     if finite and not np.all(np.isfinite(matrix)):

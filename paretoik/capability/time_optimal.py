@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from time import perf_counter
+from typing import get_args
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -14,9 +15,9 @@ from jaxtyping import Float, Int
 from paretoik.capability.geodesic import path_time
 from paretoik.capability.model_evaluation import check_ends, check_inside, evaluate_roots
 from paretoik.capability.planner import Formulation, Plan, Planner
-from paretoik.capability.speed_models import SpeedModel
+from paretoik.capability.speed_models import SpeedModel, check_model
 from paretoik.errors import InvalidInput, SolverFailed
-from paretoik.inputs import ArrayLike, finite_array
+from paretoik.inputs import ArrayLike, check_choice, finite_array
 from paretoik.task.limits import LIMIT_TOLERANCE
 
 
@@ -73,6 +74,8 @@ def time_optimal_control(
     somewhere; SolverFailed where a plan does not converge, or the reference is still not there after ten times the
     straight line's time.
     """
+    check_model(model)
+    check_choice("formulation", formulation, get_args(Formulation))
     for name, value in (("period", period), ("gain", gain), ("tolerance", tolerance)):
         if not 0 < finite_array(name, value, ()) < np.inf:
             raise InvalidInput(f"{name}: a finite number above 0 wanted, got {value}")

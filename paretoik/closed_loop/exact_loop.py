@@ -18,8 +18,8 @@ from paretoik.closed_loop.obstacle_tables import tabulate, tabulate_balls
 from paretoik.closed_loop.programs import trace_nodes
 from paretoik.closed_loop.workspace import OPTIONS as ENGINE
 from paretoik.closed_loop.workspace import StepConstraints, StepStart, allocate
-from paretoik.errors import Infeasible, InvalidInput, check_size
-from paretoik.inputs import finite_array
+from paretoik.errors import Infeasible, InvalidInput
+from paretoik.inputs import check_size, finite_array, shown
 from paretoik.robot.arm import Arm
 from paretoik.task.motion_task import MotionTask
 
@@ -148,7 +148,7 @@ def _checked_lengths(task: MotionTask, weight: float) -> Float[np.ndarray, " dof
     if task.rows != 2 or task.targets.shape[1] != 2:
         raise InvalidInput(f"exact steps: a path of positions in the plane wanted, got {task.rows} rows")
     if not 0.0 <= weight <= 1.0:
-        raise InvalidInput(f"weight: between 0 and 1 wanted, got {weight!r}")
+        raise InvalidInput(f"weight: between 0 and 1 wanted, got {shown(weight)}")
     return lengths
 
 
@@ -161,5 +161,5 @@ def link_lengths(arm: Arm, *, tolerance: float = 1e-12) -> Float[np.ndarray, " d
     straight = arm.is_planar and np.abs(offsets[:, 1:]).max() < tolerance
     at_origin = max(np.abs(place.position).max() for place in (arm.base, arm.placements[0])) < tolerance
     if not straight or not at_origin or arm.dof not in (3, 4):
-        raise InvalidInput(f"exact steps: a planar arm of 3 or 4 links at the origin wanted, got {arm!r}")
+        raise InvalidInput(f"exact steps: a planar arm of 3 or 4 links at the origin wanted, got {shown(arm)}")
     return np.ascontiguousarray(offsets[:, 0])

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from paretoik.errors import InvalidInput
+from paretoik.inputs import check_flag, check_function, check_text, shown
 from paretoik.task.motion import Motion
 from paretoik.task.objectives import Objective
 
@@ -62,7 +63,7 @@ class StepObjective:
 def step_objective(
     *, unit: str, maximise: bool = False, name: str | None = None
 ) -> Callable[[Function], StepObjective]:
-    """Make an objective of a function of steps.
+    """Make an objective of a function of steps; raises InvalidInput for names and units that are no printable text.
 
     >>> @step_objective(unit="rad")
     ... def wrist_drift(step):
@@ -70,8 +71,12 @@ def step_objective(
     >>> wrist_drift
     StepObjective wrist_drift [rad]
     """
+    check_flag("maximise", maximise)
+    for label, text in (("unit", unit), ("name", "" if name is None else name)):
+        check_text(label, text)
 
     def wrap(function: Function) -> StepObjective:
+        check_function("step_objective", function)
         return StepObjective(function=function, name=name or function.__name__, unit=unit, maximise=maximise)
 
     return wrap
@@ -105,7 +110,7 @@ def as_step_objective(objective: StepObjective | Objective) -> StepObjective:
         return objective
     if not isinstance(objective, Objective):
         raise InvalidInput(
-            f"objectives: wants functions decorated with @objective or @step_objective, got {objective!r}"
+            f"objectives: wants functions decorated with @objective or @step_objective, got {shown(objective)}"
         )
     if objective.form not in ("integral", "peak"):
         raise InvalidInput(

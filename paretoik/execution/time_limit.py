@@ -46,7 +46,7 @@ def time_limit(seconds: float | None) -> Iterator[TimeLimit]:
         limit.reached = True
         STOP[0] = STOP[0] or SIGALRM
 
-    timer = threading.Timer(float(seconds), ring)
+    timer = threading.Timer(min(float(seconds), threading.TIMEOUT_MAX), ring)
     timer.daemon = True
     timer.start()
     try:

@@ -16,7 +16,7 @@ from paretoik.closed_loop.objectives import StepObjective, joint_displacement, p
 from paretoik.closed_loop.open_loop import search_start
 from paretoik.closed_loop.programs import StepPrograms, trace_step
 from paretoik.closed_loop.step_evolution import StepEvolution
-from paretoik.errors import InvalidInput, check_size
+from paretoik.errors import InvalidInput
 from paretoik.formulations.closed_loop_arguments import (
     check_even,
     check_limits,
@@ -31,7 +31,7 @@ from paretoik.formulations.problem_text import loop_text
 from paretoik.formulations.protocol import Timeline
 from paretoik.front.front import Choice, Front, Preference
 from paretoik.front.preferences import Weights
-from paretoik.inputs import check_flag
+from paretoik.inputs import check_flag, check_seed, check_size, shown
 from paretoik.robot.arm import Arm
 from paretoik.search.seeding import SMALLEST_POPULATION
 from paretoik.tables import html_representation
@@ -158,7 +158,7 @@ class ClosedLoop:
     ) -> None:
         check_size("population", population, SMALLEST_POPULATION)
         check_size("generations", generations, 1)
-        check_size("seed", seed, 0)
+        check_seed("seed", seed)
         self.weights = normalise_weights(weights, self.names)
         self._given_start = None if start is None else check_start(self.task, start)
         self.population, self.generations, self.seed = int(population), int(generations), int(seed)
@@ -279,7 +279,7 @@ class ClosedLoop:
     def reweigh(self, front: Front, preference: Preference) -> ClosedLoop | None:
         """Return the loop that ``front`` came of, with other weights; None where they are the same."""
         if not isinstance(preference, Weights):
-            raise InvalidInput(f"select: of a closed loop weights are wanted, got {preference!r}")
+            raise InvalidInput(f"select: of a closed loop weights are wanted, got {shown(preference)}")
         weights, settings = normalise_weights(preference, self.names), dict(front.provenance.get("settings", {}))
         before = settings.get("weights")
         if before is not None and np.allclose(

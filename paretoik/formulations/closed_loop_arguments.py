@@ -11,9 +11,9 @@ from paretoik.arrays import Times
 from paretoik.closed_loop.control_step import describe_nearest_obstacle, excess_clearance
 from paretoik.closed_loop.objectives import StepObjective, as_step_objective
 from paretoik.closed_loop.workspace import OPTIONS
-from paretoik.errors import InvalidInput, check_size
+from paretoik.errors import InvalidInput
 from paretoik.front.preferences import Weights
-from paretoik.inputs import finite_array, real_array
+from paretoik.inputs import check_size, finite_array, real_array, shown
 from paretoik.task.limits import LIMITED, Limits
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective
@@ -22,7 +22,7 @@ from paretoik.task.objectives import Objective
 def check_objectives(objectives: Sequence[StepObjective | Objective]) -> tuple[StepObjective, ...]:
     """Return objectives of a step; raises InvalidInput for what is none, no objective at all, and names that repeat."""
     if not isinstance(objectives, Sequence):
-        raise InvalidInput(f"objectives: a list of them wanted, got {objectives!r}")
+        raise InvalidInput(f"objectives: a list of them wanted, got {shown(objectives)}")
     if not objectives:
         raise InvalidInput("objectives: wants at least one, got none")
     of_step = tuple(as_step_objective(each) for each in objectives)
@@ -39,7 +39,7 @@ def normalise_weights(
     if isinstance(weights, Weights):
         unknown = [name for name in weights.weights if name not in names]
         if unknown:
-            raise InvalidInput(f"weights: wanted names among {', '.join(names)}, got {unknown[0]!r}")
+            raise InvalidInput(f"weights: wanted names among {', '.join(names)}, got {shown(unknown[0])}")
         weights = [weights.weights.get(name, 0.0) for name in names]
     values = np.ones(len(names)) if weights is None else finite_array("weights", weights, shape=(len(names),))
     if (values < 0).any() or values.sum() <= 0:
@@ -50,7 +50,7 @@ def normalise_weights(
 def check_limits(limits: Limits | None, *, supported: tuple[str, ...], where: str) -> None:
     """Raise InvalidInput for limits of other kinds than are ``supported`` there."""
     if not isinstance(limits, Limits | None):
-        raise InvalidInput(f"limits: Limits wanted, got {limits!r}")
+        raise InvalidInput(f"limits: Limits wanted, got {shown(limits)}")
     for kind in LIMITED if limits is not None else ():
         limit = getattr(limits, kind)
         if kind not in supported and limit is not None and not (isinstance(limit, float) and limit == np.inf):
@@ -68,14 +68,14 @@ def check_longest_step(longest_step: object) -> float:
     """Return the most that a joint may move in a step; raises InvalidInput for what is no positive number."""
     longest = real_array("longest_step", longest_step)
     if longest.shape != () or not longest > 0:
-        raise InvalidInput(f"longest_step: a positive number wanted, got {longest_step!r}")
+        raise InvalidInput(f"longest_step: a positive number wanted, got {shown(longest_step)}")
     return float(longest)
 
 
 def check_steps(record_steps: Sequence[int], last: int) -> frozenset[int]:
     """Return the steps of a loop to record; raises InvalidInput for others than 1 to the last."""
     if not isinstance(record_steps, Sequence):
-        raise InvalidInput(f"record_steps: a list of steps wanted, got {record_steps!r}")
+        raise InvalidInput(f"record_steps: a list of steps wanted, got {shown(record_steps)}")
     for step in record_steps:
         check_size("record_steps", step, 1)
         if step > last:

@@ -24,11 +24,11 @@ from paretoik.capability.directional import unit_directions
 from paretoik.capability.directional_program import DirectionalProgram, consecutive_slices
 from paretoik.capability.joint_capability import Quantity, quantities_along
 from paretoik.capability.posture_samples import sample_holdable_postures, stationary_task
-from paretoik.errors import InvalidInput, check_size
+from paretoik.errors import InvalidInput
 from paretoik.formulations.configurations import Configuration, Configurations
 from paretoik.formulations.dense_formulation import DenseFormulation, front_sliders, slider_shares
 from paretoik.formulations.own_functions import WholeProgram, function_task
-from paretoik.inputs import check_flag, finite_array
+from paretoik.inputs import check_flag, check_seed, check_size, finite_array, read_list
 from paretoik.nlp.dense import DenseProgram
 from paretoik.robot.arm import Arm
 from paretoik.robot.dynamics import gravity_torques
@@ -116,9 +116,10 @@ class DirectionalMaxima(DenseFormulation):
         starts: int = 400,
         seed: int = 0,
     ) -> None:
+        read_list("objectives", objectives, Objective, "a list of functions decorated with @objective")
         check_actuation(actuation, arm)
         check_size("starts", starts, 1)
-        check_size("seed", seed, 0)
+        check_seed("seed", seed)
         self.arm, self.actuation = arm, actuation
         task = 2 if arm.is_planar else 3
         self.position = finite_array("position", position, (task,))

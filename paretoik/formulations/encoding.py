@@ -9,7 +9,8 @@ from jaxtyping import Bool, Float, Int
 from scipy.interpolate import BSpline
 
 from paretoik.arrays import Genes, JointPaths
-from paretoik.errors import InvalidInput, check_size
+from paretoik.errors import InvalidInput
+from paretoik.inputs import check_size
 from paretoik.robot.scales import joint_scales
 from paretoik.self_motion.charts import Charts, build_charts
 from paretoik.task.motion_task import MotionTask

@@ -23,11 +23,11 @@ from paretoik.capability.actuation import Actuation, DistributedActuation, check
 from paretoik.capability.point_to_point_program import PointToPointProgram
 from paretoik.capability.posture_samples import stationary_task
 from paretoik.capability.timing import Timing, minimum_timing, require_weight
-from paretoik.errors import InvalidInput, check_size
+from paretoik.errors import InvalidInput
 from paretoik.formulations.dense_formulation import DenseFormulation, front_sliders, slider_shares
 from paretoik.formulations.initial_paths import InitialPaths, find_initial_paths
 from paretoik.formulations.own_functions import WholeProgram, function_task, read_times
-from paretoik.inputs import check_flag, finite_array
+from paretoik.inputs import check_flag, check_size, finite_array, read_list
 from paretoik.nlp.dense import DenseProgram
 from paretoik.robot.arm import Arm
 from paretoik.task.evaluation import evaluate_motions
@@ -109,6 +109,7 @@ class PointToPoint(DenseFormulation):
         bases: int = 12,
         seed: int = 0,
     ) -> None:
+        read_list("objectives", objectives, Objective, "a list of functions decorated with @objective")
         check_actuation(actuation, arm)
         counts = {"samples": (samples, 5), "coefficients": (coefficients, 4), "bases": (bases, 1), "seed": (seed, 0)}
         for name, (value, least) in counts.items():

@@ -14,6 +14,7 @@ from paretoik.closed_loop.control_step import rotation_rows
 from paretoik.closed_loop.open_loop import posture_bounds
 from paretoik.errors import InvalidInput
 from paretoik.formulations.closed_loop_arguments import check_limits
+from paretoik.inputs import read_list
 from paretoik.robot.arm import Arm
 from paretoik.search.nsga2 import MaxiMinNSGA2
 from paretoik.search.row_operators import elitist_algorithm
@@ -71,11 +72,12 @@ class Posture(Problem):  # type: ignore[misc]  # pymoo is not typed
         obstacles: Sequence[Obstacle] = (),
         link_radius: float = 0.0,
     ) -> None:
+        read_list("objectives", objectives, Objective, "a list of functions decorated with @objective")
         check_limits(limits, supported=("position", "torque", "clearance"), where="of a posture")
         checked = motion_task(
             arm,
             path,
-            objectives=objectives or [joint_travel],
+            objectives=tuple(objectives) or [joint_travel],
             constraints=constraints,
             limits=limits,
             obstacles=obstacles,

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from paretoik.errors import InvalidInput
 from paretoik.formulations.protocol import Differentiable
 from paretoik.front.names import check_names
+from paretoik.inputs import shown
 
 if TYPE_CHECKING:
     from paretoik.trajectory.plan import Plan
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 def check_formulation(problem: Any) -> None:
     """Raise InvalidInput unless something has genes and objectives, as pymoo's problems do."""
     if isinstance(problem, type) or not (hasattr(problem, "n_obj") and hasattr(problem, "n_var")):
-        raise InvalidInput(f"problem: a pymoo problem wanted, such as Tracking, got {problem!r}")
+        raise InvalidInput(f"problem: a pymoo problem wanted, such as Tracking, got {shown(problem)}")
     if hasattr(problem, "names"):
         check_names(problem.names, problem.units)
 

@@ -8,9 +8,10 @@ from dataclasses import KW_ONLY, dataclass
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.capability.speed_models import SpeedModel
+from paretoik.capability.speed_models import SpeedModel, check_model
 from paretoik.capability.time_optimal import TimeOptimalRun, time_optimal_control
 from paretoik.errors import EvaluationFailed, InvalidInput, SolverFailed
+from paretoik.inputs import finite_array, integer_array, shown
 from paretoik.resolution.method import Method, Number, Parameter
 from paretoik.resolution.traces import HELD, STATUS, ResolvedMotion, Traces, empty_traces
 from paretoik.task.motion_task import MotionTask
@@ -36,6 +37,7 @@ class TimeOptimalControl(Method):
     until the tool stands on the target. Starts are where the tool is at first. ``horizon``, ``period`` [s] and ``gain``
     [1/s], as of ``time_optimal_control``, may be arrays (*batch,). The joints follow the tool by the shortest way from
     one sample to the next. Where the control fails, or the arm cannot follow, the arm stays and the error is infinite.
+    Raises InvalidInput for what is no model, and numbers out of range.
 
     Source: Kim, Choi & Jang 2021, Eqs. 6 and 7.
     """
@@ -46,6 +48,17 @@ class TimeOptimalControl(Method):
     period: Number = 1e-3
     gain: Number = 100.0
     tolerance: float = 1e-6
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_model(self.model)
+        horizon = integer_array("horizon", self.horizon)
+        if horizon.size == 0 or horizon.ndim > 1 or not (horizon >= 1).all():
+            raise InvalidInput(f"horizon: 1 sample or more wanted, got {shown(self.horizon)}")
+        for name in ("period", "gain", "tolerance"):
+            values = finite_array(name, getattr(self, name))
+            if values.size == 0 or values.ndim > 1 or not (values > 0).all():
+                raise InvalidInput(f"{name}: numbers above 0 wanted, got {shown(getattr(self, name))}")
 
     def parameters(self, times: Float[np.ndarray, " time"]) -> tuple[Parameter, ...]:
         """Return the numbers that are searched by default.

@@ -15,7 +15,7 @@ from jaxtyping import Float, Int
 from pymoo.core.problem import Problem
 
 from paretoik.arrays import Genes, Values
-from paretoik.errors import InvalidInput, check_size
+from paretoik.errors import InvalidInput
 from paretoik.formulations.base_motions import choose_bases, positions_on_path, sample_rollouts
 from paretoik.formulations.encoding import Encoding, choose_coefficients, encoding
 from paretoik.formulations.interpolation import values_between
@@ -23,6 +23,7 @@ from paretoik.formulations.navigation import navigate, predict
 from paretoik.formulations.problem_text import tracking_text
 from paretoik.formulations.protocol import Individuals
 from paretoik.front.front import Front
+from paretoik.inputs import check_seed, check_size
 from paretoik.nlp.program import Solver
 from paretoik.pareto.scalarisation import Observe
 from paretoik.robot.arm import Arm
@@ -123,7 +124,7 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
         seed: int = 0,
     ) -> None:
         check_size("bases", bases, 1)
-        check_size("seed", seed, 0)
+        check_seed("seed", seed)
         self.task = motion_task(
             arm,
             path,

@@ -18,8 +18,8 @@ from jaxtyping import Float, Int
 from pymoo.core.problem import Problem
 
 from paretoik.arrays import Genes
-from paretoik.errors import InvalidInput, check_size
-from paretoik.inputs import ArrayLike, finite_array
+from paretoik.errors import InvalidInput
+from paretoik.inputs import ArrayLike, check_choice, check_seed, check_size, finite_array, positive_number, shown
 from paretoik.resolution.measures import limit_margin, speed_ratio, tracking_error
 from paretoik.resolution.method import Method, Parameter
 from paretoik.resolution.traces import ResolvedMotion
@@ -110,12 +110,11 @@ class Tuning(Problem):  # type: ignore[misc]  # pymoo is not typed
         seed: int = 0,
     ) -> None:
         if not isinstance(method, Method):
-            raise InvalidInput(f"method: one of pk.methods wanted, such as DampedLeastSquares(), got {method!r}")
-        if judged_by not in get_args(JudgedBy):
-            raise InvalidInput(f"judged_by must be one of {', '.join(get_args(JudgedBy))}, got {judged_by!r}")
-        if tolerance is not None and not finite_array("tolerance", tolerance, ()) > 0:
-            raise InvalidInput(f"tolerance: None or a positive distance in m or rad wanted, got {tolerance}")
-        check_size("seed", seed, 0)
+            raise InvalidInput(f"method: one of pk.methods wanted, such as DampedLeastSquares(), got {shown(method)}")
+        check_choice("judged_by", judged_by, get_args(JudgedBy))
+        if tolerance is not None:
+            tolerance = positive_number("tolerance", tolerance, "m or rad")
+        check_seed("seed", seed)
         self.task: MotionTask = motion_task(
             arm, path, objectives=objectives, constraints=constraints, obstacles=obstacles, link_radius=link_radius
         )
@@ -134,7 +133,7 @@ class Tuning(Problem):  # type: ignore[misc]  # pymoo is not typed
         self.judged_starts = default if judged_starts is None else judged_starts
         check_size("judged_starts", self.judged_starts, 1)
         if self.judged_starts > len(self.starts):
-            raise InvalidInput(f"judged_starts: 1 to {len(self.starts)} wanted, got {judged_starts!r}")
+            raise InvalidInput(f"judged_starts: 1 to {len(self.starts)} wanted, got {shown(judged_starts)}")
         lower, upper = np.array([each.gene_bounds for each in self.parameters]).T
         limits = len(self.constraint_names)
         super().__init__(n_var=len(lower), n_obj=len(objectives), n_ieq_constr=limits, xl=lower, xu=upper)
@@ -234,12 +233,12 @@ def _checked_parameters(
     """Return what is searched; raise InvalidInput for unknown names, fields set twice, and nothing."""
     by_name = {each.name: each for each in (*method.parameters(times), START)}
     if isinstance(parameters, str | Parameter) or not isinstance(parameters, Sequence | None):
-        raise InvalidInput(f"parameters: a list of names and Parameters wanted, got {parameters!r}")
+        raise InvalidInput(f"parameters: a list of names and Parameters wanted, got {shown(parameters)}")
     chosen = list[Parameter]()
     for each in method.parameters(times) if parameters is None else parameters:
         if not isinstance(each, Parameter) and each not in by_name:
             raise InvalidInput(
-                f"parameters: {', '.join(by_name)}, or a Parameter(name, lower, upper) wanted, got {each!r}"
+                f"parameters: {', '.join(by_name)}, or a Parameter(name, lower, upper) wanted, got {shown(each)}"
             )
         chosen.append(each if isinstance(each, Parameter) else by_name[each])
     if not chosen:

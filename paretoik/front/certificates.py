@@ -11,6 +11,7 @@ from jaxtyping import Float, Int
 
 from paretoik.arrays import Values
 from paretoik.errors import InvalidInput
+from paretoik.inputs import shown
 
 WEIGHT_TOLERANCE = 1e-6  # share of all objectives' weight below which a point may be only weakly optimal
 STATUSES = ("minimum", "saddle", "undetermined")
@@ -51,7 +52,9 @@ class Certificates:
                 )
         unknown = set(self.status.tolist()) - set(STATUSES)
         if unknown:
-            raise InvalidInput(f"certificates: a status among {', '.join(STATUSES)} wanted, got {sorted(unknown)[0]!r}")
+            raise InvalidInput(
+                f"certificates: a status among {', '.join(STATUSES)} wanted, got {shown(sorted(unknown)[0])}"
+            )
 
     @property
     def weak(self) -> np.ndarray:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, TypeGuard, runtime_checkable
 
 import numpy as np
 
 from paretoik.arrays import Values
+from paretoik.errors import InvalidInput
+from paretoik.inputs import shown
 from paretoik.tables import html_representation
 
 if TYPE_CHECKING:  # a front hands out choices
@@ -100,3 +102,14 @@ class Preference(Protocol):
 
     def choose(self, front: Front) -> Choice:
         """Return the preferred point of `front`."""
+
+
+def is_preference(value: object) -> TypeGuard[Preference]:
+    """Say whether a value can choose a point; a class cannot, nor an array, whose ``choose`` is another one."""
+    return callable(getattr(type(value), "choose", None)) and not isinstance(value, type | np.ndarray)
+
+
+def check_preference(name: str, value: object) -> None:
+    """Raise InvalidInput, by ``name``, unless a value is a preference or None."""
+    if value is not None and not is_preference(value):
+        raise InvalidInput(f"{name}: a preference wanted, such as Weights(...), got {shown(value)}")

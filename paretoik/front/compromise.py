@@ -11,6 +11,7 @@ from paretoik.arrays import Objectives, Values
 from paretoik.errors import Infeasible
 from paretoik.front.preference_options import OPTIONS
 from paretoik.front.reason import percent, subject
+from paretoik.front.subset import check_front
 from paretoik.front.ties import first_row
 
 if TYPE_CHECKING:
@@ -31,6 +32,7 @@ class Compromise:
 
     def choose(self, front: Front) -> Choice:
         """Return the compromise of a front that has at least one point."""
+        check_front(front)
         scores = score_shares(front.shares)
         row = first_row(front, scores)
         worst = int(front.shares[row].argmax())

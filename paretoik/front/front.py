@@ -15,7 +15,7 @@ import numpy as np
 from paretoik.arrays import Genes, Ids, Objectives, Values, read_only
 from paretoik.errors import InvalidInput
 from paretoik.front.certificates import Certificates
-from paretoik.front.choice import Choice, Preference
+from paretoik.front.choice import Choice, Preference, check_preference
 from paretoik.front.front_arguments import (
     Ranges,
     check_ids,
@@ -34,7 +34,17 @@ from paretoik.front.selection import select, undo
 from paretoik.front.subset import Bound, has_point, row_of, with_ids, within_bounds
 from paretoik.front.supported import supported
 from paretoik.front.viewing import view
-from paretoik.inputs import check_flag, file_path
+from paretoik.inputs import (
+    check_flag,
+    check_function,
+    check_mapping,
+    check_text,
+    file_path,
+    finite_number,
+    is_integer,
+    real_number,
+    shown,
+)
 from paretoik.tables import html_representation
 
 if TYPE_CHECKING:  # files and preferences are opened when they are used
@@ -82,8 +92,7 @@ class Front:
     folder: Path | None = field(default=None, init=False, repr=False)
 
     def __post_init__(self) -> None:
-        objectives = np.asarray(self.objectives, dtype=float)
-        check_objectives(self.names, self.units, self.maximised, objectives)
+        objectives = check_objectives(self.names, self.units, self.maximised, self.objectives)
         ids = check_ids(self.ids, len(objectives))
         order = np.lexsort((ids, *objectives.T[::-1]))
         assign = object.__setattr__
@@ -97,6 +106,7 @@ class Front:
         assign(self, "motions", sort_motions(self.motions, order))
         assign(self, "certificates", sort_certificates(self.certificates, order))
         assign(self, "ranges", check_ranges(self.ranges, objectives))
+        check_mapping("front provenance", self.provenance, "entries by name")
         assign(self, "provenance", MappingProxyType(dict(self.provenance)))
         check_non_dominated(self)
 
@@ -239,13 +249,24 @@ class Front:
 
         Raises InvalidInput where the front has no such row.
         """
-        if not 0 <= index < len(self):
-            raise InvalidInput(f"choice: wanted a row of {len(self)}, from 0 on, got {index!r}")
+        self._check_index("index", index, len(self), "a row")
+        check_text("verdict", verdict)
+        check_preference("preference", preference)
+        if score is not None:
+            finite_number("score", score)
+        if details is not None:
+            check_mapping("details", details, "numbers by name")
         return explain(self, int(index), verdict, preference=preference, score=score, details=details or {})
 
     def quantity(self, axis: int, value: float) -> str:
-        """Return a value of an objective with its name and unit."""
+        """Return a value of an objective with its name and unit; raises InvalidInput for what is none."""
+        self._check_index("axis", axis, len(self.names), "an objective")
+        value = real_number("value", value)
         return f"{self.names[axis]} {value:.4g} {self.units[axis]}".rstrip()
+
+    def _check_index(self, name: str, index: object, count: int, wish: str) -> None:
+        if not is_integer(index) or not 0 <= int(index) < count:
+            raise InvalidInput(f"{name}: {wish} of {count} wanted, from 0 on, got {shown(index)}")
 
     def save(self, folder: Path | str, *, overwrite: bool = False) -> None:
         """Write `run.json`, `front.parquet` and, with genes or motions, `motions.npz` into `folder`.
@@ -265,4 +286,5 @@ class Front:
         """
         from paretoik.front.storage import load
 
+        check_function("motions", motions)
         return load(file_path("folder", folder), build_motions=motions)

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from paretoik.errors import Infeasible, InvalidInput, check_size
+from paretoik.errors import Infeasible, InvalidInput
 from paretoik.front.certificates import WEIGHT_TOLERANCE
 from paretoik.front.prediction import Prediction
 from paretoik.front.provenance import NAVIGATIONS
 from paretoik.front.subset import check_known, row_of
-from paretoik.inputs import finite_number
+from paretoik.inputs import check_size, finite_number, read_list, shown
 
 if TYPE_CHECKING:  # a front asks this file to move
     from paretoik.front.front import Choice, Front
@@ -27,7 +27,8 @@ if TYPE_CHECKING:  # a front asks this file to move
 class NavigationDefaults:
     """A point counts as critical up to ``critical``; a move is a ``share`` of the range, or half of what remains.
 
-    A gain of less than ``smallest_gain``, a share of the range, is none.
+    A gain of less than ``smallest_gain``, a share of the range, is none; more than ``largest_gain`` of them is a slip,
+    and numbers as large end solvers, not searches.
     """
 
     critical: float = 1e-6
@@ -35,6 +36,7 @@ class NavigationDefaults:
     smallest_gain: float = 1e-6
     remaining: float = 0.5
     points: int = 4
+    largest_gain: float = 1e3
 
 
 DEFAULTS = NavigationDefaults()
@@ -194,6 +196,8 @@ def _request(
 ) -> NavigationRequest:
     row = _critical_row(front, choice, verb)
     _part(front, verb)
+    if not isinstance(improve, str):
+        raise InvalidInput(f"improve: the name of an objective wanted, got {shown(improve)}")
     (k,) = _axes(front, "improve", [improve])
     if len(front.names) < 2:
         raise InvalidInput(f"{verb}: wants two objectives or more, got one: nothing pays for it")
@@ -202,7 +206,7 @@ def _request(
     payers = [axis for axis in others if axis not in fixed] if allow is None else _axes(front, "allow", allow)
     for name, axes in (("allow", payers), ("hold", fixed)):
         if k in axes:
-            raise InvalidInput(f"{name}: wants objectives other than {improve}, which is to improve")
+            raise InvalidInput(f"{name}: wants objectives other than what is to improve, got {improve}")
     both = [front.names[axis] for axis in payers if axis in fixed]
     if both or not payers:
         raise InvalidInput(f"allow: wants objectives that are not on hold, got {', '.join(both) or 'none'}")
@@ -220,17 +224,26 @@ def _step(front: Front, verb: str, row: int, axis: int, by: float | None, to: fl
         by = finite_number("by", by)
         if by <= 0:
             raise InvalidInput(f"by: wants more than 0 {front.units[axis]} of {name}, got {by:g}")
+        _check_gain(front, axis, "by", by)
         return by
     if to is not None:
         gain = (finite_number("to", to) - value) * (1.0 if front.maximised[axis] else -1.0)
         if gain <= 0:
             raise InvalidInput(f"to: wants better than {front.quantity(axis, value)}, got {to:g}")
+        _check_gain(front, axis, "to", gain)
         return gain
     remaining = float((front.minimised[row, axis] - front.minimised[:, axis]).max())
     share = DEFAULTS.share * float(np.ptp(front.ranges[axis]))
     if max(remaining, share) <= 0.0:
         raise InvalidInput(f"by: wants how much to improve {name}, of which the front has but one value")
     return min(share, DEFAULTS.remaining * remaining) if 0.0 < remaining < 2 * share else share
+
+
+def _check_gain(front: Front, axis: int, label: str, gain: float) -> None:
+    """Raise InvalidInput for a gain that is out of all proportion to the range of an objective."""
+    most = DEFAULTS.largest_gain * float(np.ptp(front.ranges[axis]))
+    if gain > most > 0.0:
+        raise InvalidInput(f"{label}: wants a gain of at most {front.quantity(axis, most)}, got {gain:g}")
 
 
 def _check_not_at_end(front: Front, row: int, axis: int, payers: Sequence[int]) -> None:
@@ -259,8 +272,6 @@ def _critical_row(front: Front, choice: Choice | int, verb: str) -> int:
 
 def _axes(front: Front, label: str, names: str | Sequence[str]) -> list[int]:
     """Return which objectives are named."""
-    names = [names] if isinstance(names, str) else names
-    if not isinstance(names, Sequence):
-        raise InvalidInput(f"{label}: wants names of objectives, got {names!r}")
+    names = read_list(label, [names] if isinstance(names, str) else names, str, "names of objectives")
     check_known(front, label, names)
     return list(dict.fromkeys(front.names.index(name) for name in names))

@@ -36,6 +36,7 @@ from paretoik.run_files import (
     result_files,
     unfinished_note,
 )
+from paretoik.stored_arrays import read_arrays, read_table
 
 RESERVED_ENTRIES = ("format", "objectives", "points", "files", "digest")
 CERTIFICATE_COLUMNS = ("violation_between", "kkt_residual")
@@ -243,11 +244,9 @@ def _is_complete(run: dict[str, Any]) -> bool:
 
 def _read_table(file: Path, content: bytes, names: list[str]) -> dict[str, Any]:
     import pyarrow as pa
-    import pyarrow.parquet as pq
 
     try:
-        # Without a thread: those of read_table may abort the interpreter as it ends (apache/arrow#34314).
-        table = pq.ParquetFile(pa.BufferReader(content)).read(use_threads=False)
+        table = read_table(content)
         columns = {"id": table.column("id").cast(pa.int64()).to_numpy()}
         columns |= {name: table.column(name).cast(pa.float64()).to_numpy() for name in names}
         violation = table.column("violation")
@@ -264,8 +263,7 @@ def _read_table(file: Path, content: bytes, names: list[str]) -> dict[str, Any]:
 def read_motions(file: Path, content: bytes, ids: np.ndarray) -> dict[str, np.ndarray]:
     """Return the arrays of a `motions.npz`; raises InvalidRun where they are not those of points with these ids."""
     try:
-        with np.load(io.BytesIO(content), allow_pickle=False) as stored:
-            arrays = {name: stored[name] for name in stored.files}
+        arrays = read_arrays(content)
     except Exception as fault:  # whatever the parser trips over is the file's fault
         raise InvalidRun(f"{file}: wanted plain arrays, got {_line(fault)}") from fault
     if "id" not in arrays or not np.array_equal(arrays["id"], ids):

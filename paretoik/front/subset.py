@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from numbers import Integral
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -13,7 +12,7 @@ from jaxtyping import Float, Int
 from paretoik.arrays import Mask
 from paretoik.errors import InvalidInput
 from paretoik.front.provenance import LARGEST_ID, NAVIGATIONS
-from paretoik.inputs import finite_number
+from paretoik.inputs import check_mapping, finite_number, is_integer, shown
 
 if TYPE_CHECKING:  # a front asks this file for its parts
     from paretoik.front.front import Front
@@ -21,17 +20,25 @@ if TYPE_CHECKING:  # a front asks this file for its parts
 Bound: TypeAlias = tuple[float | None, float | None]
 
 
+def check_front(front: object) -> None:
+    """Raise InvalidInput unless this is a front of at least one point."""
+    from paretoik.front.front import Front
+
+    if not isinstance(front, Front) or len(front) == 0:
+        raise InvalidInput(f"front: a front of at least one point wanted, got {shown(front)}")
+
+
 def row_of(front: Front, number: object, *, name: str = "front") -> int:
     """Return the row of the point with an id; raises InvalidInput where the front has none."""
-    if isinstance(number, bool) or not isinstance(number, Integral):
-        raise InvalidInput(f"{name}: an id of a point wanted, got {number!r}")
+    if not is_integer(number):
+        raise InvalidInput(f"{name}: an id of a point wanted, got {shown(number)}")
     return int(_rows_of(front, np.array([int(number)], dtype=object), name)[0])
 
 
 def has_point(front: Front, point: object) -> bool:
     """Say whether a front has a point, an id or a choice; raises nothing for what is none."""
     number, objectives = getattr(point, "id", point), getattr(point, "objectives", None)
-    if isinstance(number, bool) or not isinstance(number, Integral):
+    if not is_integer(number):
         return False
     (rows,) = np.nonzero(front.ids == int(number))
     return len(rows) == 1 and (objectives is None or np.array_equal(front.objectives[rows[0]], objectives))
@@ -44,7 +51,7 @@ def with_ids(front: Front, ids: Any) -> Front:
     """
     array = np.asarray(ids) if isinstance(ids, Sequence | np.ndarray) and not isinstance(ids, str) else np.empty((0, 0))
     if array.ndim != 1 or (array.size and array.dtype.kind not in "iu"):
-        raise InvalidInput(f"front: an id, or several, wanted, got {ids!r}")
+        raise InvalidInput(f"front: an id, or several, wanted, got {shown(ids)}")
     return take(front, _rows_of(front, array, "front"))
 
 
@@ -90,8 +97,8 @@ def merge_bounds(
     name: str, bounds: Mapping[str, Bound] | None, named: Mapping[str, Bound]
 ) -> dict[str, tuple[float | None, float | None]]:
     """Return bounds by objective, checked as far as they can be without a front."""
-    if not isinstance(bounds, Mapping | None):
-        raise InvalidInput(f"{name}: bounds by objective wanted, such as {{'energy': (None, 0.05)}}, got {bounds!r}")
+    if bounds is not None:
+        check_mapping(name, bounds, "bounds by objective", example="{'energy': (None, 0.05)}")
     merged, twice = {**(bounds or {}), **named}, sorted((bounds or {}).keys() & named.keys())
     if twice:
         raise InvalidInput(f"{name}: wanted each objective once, got {twice[0]} twice")
@@ -119,23 +126,23 @@ def check_known(front: Front, name: str, objectives: Mapping[str, object] | Sequ
     """Raise InvalidInput, with the valid ones, where a name is none of the front's objectives."""
     unknown = [each for each in objectives if each not in front.names]
     if unknown:
-        raise InvalidInput(f"{name}: wanted names among {', '.join(front.names)}, got {unknown[0]!r}")
+        raise InvalidInput(f"{name}: wanted names among {', '.join(front.names)}, got {shown(unknown[0])}")
 
 
 def _rows_of(front: Front, ids: np.ndarray, name: str) -> Int[np.ndarray, " rows"]:
     rows = {number: row for row, number in enumerate(front.ids.tolist())}
     unknown = [number for number in ids.tolist() if number not in rows]
     if unknown:
-        some = ", ".join(map(str, unknown[:5])) + ", ..." * (len(unknown) > 5)
+        some = ", ".join(map(shown, unknown[:5])) + ", ..." * (len(unknown) > 5)
         extent = f"{len(front)} from {front.ids.min()} to {front.ids.max()}" if len(front) else "none"
         raise InvalidInput(f"{name}: wanted ids of its points ({extent}), got {some}")
     return np.array([rows[number] for number in ids.tolist()], dtype=np.int64)
 
 
 def _check_bound(name: str, pair: object) -> tuple[float | None, float | None]:
-    if not isinstance(pair, Sequence) or isinstance(pair, str) or len(pair) != 2:
-        raise InvalidInput(f"{name}: wanted (lower, upper), None where open, got {pair!r}")
+    if not isinstance(pair, list | tuple) or len(pair) != 2:
+        raise InvalidInput(f"{name}: wanted (lower, upper), None where open, got {shown(pair)}")
     lower, upper = (None if side is None else finite_number(name, side) for side in pair)
     if lower is not None and upper is not None and lower > upper:
-        raise InvalidInput(f"{name}: wanted lower <= upper, got {pair!r}")
+        raise InvalidInput(f"{name}: wanted lower <= upper, got {shown(pair)}")
     return lower, upper

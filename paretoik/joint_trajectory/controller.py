@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from paretoik.arrays import read_only
 from paretoik.errors import InvalidInput
-from paretoik.inputs import check_flag, positive_number
-from paretoik.robot.arm import Arm
-from paretoik.robot.arm_inputs import limit_rows, symmetric_limits
+from paretoik.inputs import check_flag, check_instance, check_text, finite_array, positive_number, read_list, shown
+from paretoik.robot.arm import Arm, check_arm
+from paretoik.robot.arm_inputs import joint_positions, limit_rows, symmetric_limits
 
 JOINT_LIMITS = ("velocity", "acceleration", "jerk", "torque", "torque_rate")
 
@@ -30,8 +31,19 @@ class Braking:
     offset: Float[np.ndarray, " dof"]
     position: Float[np.ndarray, "dof 2"]
 
+    def __post_init__(self) -> None:
+        for name in ("double_deceleration", "offset", "position"):
+            object.__setattr__(self, name, read_only(finite_array(f"braking: {name}", getattr(self, name))))
+        dof = self.double_deceleration.shape[:1]
+        if self.offset.shape != dof or self.double_deceleration.ndim != 1 or self.position.shape != (*dof, 2):
+            shapes = f"{self.double_deceleration.shape}, {self.offset.shape} and {self.position.shape}"
+            raise InvalidInput(
+                f"braking: double_deceleration, offset (dof,) and position (dof, 2) wanted, got shapes {shapes}"
+            )
+
     def velocity_bounds(self, q: Float[np.ndarray, "time dof"]) -> Float[np.ndarray, "2 time dof"]:
         """Return the lower and upper velocities [rad/s] that leave room to brake at joint positions q."""
+        q = np.atleast_2d(joint_positions(q, len(self.position)))
         room = np.stack([q - self.position[:, 0], self.position[:, 1] - q])
         speed = np.maximum(np.sqrt(np.maximum(self.double_deceleration * room, 0.0)) - self.offset, 0.0)
         return speed * np.array([-1.0, 1.0])[:, None, None]
@@ -71,11 +83,16 @@ class Controller:
 
     def __post_init__(self) -> None:
         assign = object.__setattr__
+        check_text("controller: name", self.name)
+        check_text("controller: source", self.source)
+        if self.braking is not None:
+            check_instance("controller: braking", self.braking, Braking, "a Braking or None")
         names, about = check_joint_names("joint_names", self.joint_names), f"controller {self.name}"
         assign(self, "joint_names", names)
-        others = [check_joint_names("other_joint_names", each) for each in self.other_joint_names]
+        lists = read_list("other_joint_names", self.other_joint_names, list | tuple, "lists of joint names")
+        others = [check_joint_names("other_joint_names", each) for each in lists]
         if any(len(each) != len(names) for each in others):
-            raise InvalidInput(f"{about}: other_joint_names: {len(names)} in each list wanted, got {others!r}")
+            raise InvalidInput(f"{about}: other_joint_names: {len(names)} in each list wanted, got {shown(others)}")
         assign(self, "rate", positive_number(f"{about}: rate", self.rate, "Hz"))
         check_flag(f"{about}: rest_acceleration", self.rest_acceleration)
         position = self.position
@@ -90,6 +107,7 @@ class Controller:
 
     def velocity_bounds(self, q: Float[np.ndarray, "time dof"]) -> Float[np.ndarray, "2 time dof"]:
         """Return the lower and upper velocity limits [rad/s] at joint positions q."""
+        q = np.atleast_2d(joint_positions(q, len(self.joint_names)))
         bounds = np.stack(np.broadcast_arrays(-self.velocity, self.velocity))[:, None, :]
         if self.braking is None:
             return np.broadcast_to(bounds, (2, *q.shape))
@@ -127,6 +145,7 @@ class Controller:
 
     def _order(self, arm: Arm) -> list[int] | None:
         """Return, for each joint of an arm, which of the controller's it is; None where they are not the same."""
+        check_arm("arm", arm)
         for names in (self.joint_names, *self.other_joint_names):
             first = arm.joint_names[0]
             for prefix in (first.removesuffix(name) for name in names if first.endswith(name)):
@@ -140,7 +159,7 @@ def check_joint_names(name: str, values: object) -> tuple[str, ...]:
     """Return joint names; raises InvalidInput, by ``name``, for what is no list of different texts."""
     names = tuple(values) if isinstance(values, Sequence) and not isinstance(values, str) else ()
     if not names or not all(isinstance(value, str) and value for value in names):
-        raise InvalidInput(f"{name}: a list of joint names wanted, got {values!r}")
+        raise InvalidInput(f"{name}: a list of joint names wanted, got {shown(values)}")
     twice = next((joint for i, joint in enumerate(names) if joint in names[:i]), None)
     if twice is not None:
         raise InvalidInput(f"{name}: each joint once wanted, got {twice} twice")

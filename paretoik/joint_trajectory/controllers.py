@@ -20,8 +20,9 @@ from types import MappingProxyType
 import numpy as np
 
 from paretoik.errors import InvalidInput
+from paretoik.inputs import shown
 from paretoik.joint_trajectory.controller import Braking, Controller
-from paretoik.robot.arm import Arm
+from paretoik.robot.arm import Arm, check_arm
 
 __all__ = ["FR3", "GEN3", "PANDA", "UR3E", "UR5E", "UR10E", "UR16E", "Controller"]
 
@@ -124,10 +125,13 @@ def find_controller(controller: str | Controller, arm: Arm) -> Controller:
 
     Raises InvalidInput for an unknown name, joints that are not the controller's, or a family that leaves a choice.
     """
+    check_arm("arm", arm)
     if not isinstance(controller, Controller):
         if not isinstance(controller, str) or (controller not in FAMILIES and controller not in CONTROLLERS):
             names = ", ".join((*FAMILIES, *CONTROLLERS))
-            raise InvalidInput(f"controller: one of {names}, or a pk.controllers.Controller wanted, got {controller!r}")
+            raise InvalidInput(
+                f"controller: one of {names}, or a pk.controllers.Controller wanted, got {shown(controller)}"
+            )
         controller = CONTROLLERS.get(controller) or _of_family(controller, arm)
     return controller.arranged_for(arm)
 
@@ -139,6 +143,6 @@ def _of_family(name: str, arm: Arm) -> Controller:
     if len(matching) > 1 and len(named) != 1:
         models = ", ".join(each.name for each in matching)
         raise InvalidInput(
-            f"controller {name!r}: say which of {models}, as the joints and the name of {arm.name} do not"
+            f"controller {shown(name)}: say which of {models}, as the joints and the name of {arm.name} do not"
         )
     return (named if len(named) == 1 else matching)[0]

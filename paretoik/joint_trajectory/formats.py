@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Literal, TypeAlias, get_args
+from typing import Literal, TypeAlias, cast, get_args
 
 from paretoik.errors import InvalidInput
 from paretoik.file_replacement import replace_file
+from paretoik.inputs import check_choice
 from paretoik.joint_trajectory.ros import write_bag, yaml_bytes
 from paretoik.joint_trajectory.tables import csv_bytes, npz_bytes, parquet_bytes
 from paretoik.joint_trajectory.trajectory import JointTrajectory
@@ -39,10 +40,8 @@ def find_format(file: Path, name: str | None) -> Format:
         if file.suffix not in ENDINGS:
             raise InvalidInput(f"{file}: a format of {names}, or an ending of {', '.join(ENDINGS)} wanted, got neither")
         return ENDINGS[file.suffix]
-    for each in FORMATS:
-        if each == name:
-            return each
-    raise InvalidInput(f"format: one of {names} wanted, got {name!r}")
+    check_choice("format", name, FORMATS)
+    return cast(Format, name)
 
 
 def write_trajectory(trajectory: JointTrajectory, file: Path, kind: Format) -> None:

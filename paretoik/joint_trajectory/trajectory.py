@@ -11,6 +11,7 @@ from jaxtyping import Float
 
 from paretoik.arrays import Times
 from paretoik.errors import InvalidInput
+from paretoik.inputs import shown
 from paretoik.joint_trajectory.controller import check_joint_names
 from paretoik.joint_trajectory.time_scaling import TimeScaling
 from paretoik.task.motion import Motion
@@ -59,7 +60,7 @@ def same_joints(joint_names: object, joints: Sequence[str]) -> tuple[str, ...]:
     for listed, others, fact in ((names, joints, "which is none of them"), (joints, names, "which is missing")):
         strange = next((joint for joint in listed if joint not in others), None)
         if strange is not None:
-            raise InvalidInput(f"joint_names: {', '.join(joints)} in any order wanted, got {strange!r}, {fact}")
+            raise InvalidInput(f"joint_names: {', '.join(joints)} in any order wanted, got {shown(strange)}, {fact}")
     return names
 
 

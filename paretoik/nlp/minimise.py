@@ -16,6 +16,7 @@ from jaxtyping import Float
 from paretoik import stop_flag
 from paretoik.arrays import Points
 from paretoik.errors import InvalidInput
+from paretoik.inputs import check_choice
 from paretoik.journal import remembered
 from paretoik.nlp import sqp
 from paretoik.nlp.interior_point_options import InteriorPointOptions
@@ -71,8 +72,7 @@ def minimise(
 
 def check_solver(program: Program, solver: str) -> None:
     """Raise InvalidInput unless ``solver`` is one that can solve the program, naming what it cannot take."""
-    if solver not in get_args(Solver):
-        raise InvalidInput(f"solver must be one of {', '.join(get_args(Solver))}, got {solver!r}")
+    check_choice("solver", solver, get_args(Solver))
     if solver == "interior-point" and program.kernel is None:
         names = ", ".join(program.unsupported)
         raise InvalidInput(f"solver: 'interior-point' wants functions of a sample, {names} relates samples: take 'sqp'")

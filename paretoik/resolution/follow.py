@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.errors import InvalidInput
+from paretoik.inputs import shown
 from paretoik.resolution.constrained import ACTIVE, ConstrainedTraces, follow_constrained
 from paretoik.resolution.method import broadcast_shape
 from paretoik.resolution.methods import (
@@ -49,7 +50,7 @@ def follow(
         return follow_predictively(task, method, start, tolerance=limit)
     if isinstance(method, VelocityMethod):
         return _follow_velocities(task, method, start)
-    raise InvalidInput(f"resolve: wants a method, such as PseudoInverse(), got {method!r}")
+    raise InvalidInput(f"resolve: wants a method, such as PseudoInverse(), got {shown(method)}")
 
 
 def _follow_velocities(task: MotionTask, method: VelocityMethod, start: np.ndarray) -> ResolvedMotion:

@@ -24,6 +24,7 @@ from paretoik.autodiff.evaluator import Evaluator, compile_evaluator
 from paretoik.autodiff.tape import Expression, as_entry
 from paretoik.autodiff.tracing import Trace
 from paretoik.errors import InvalidInput
+from paretoik.inputs import shown
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective
 from paretoik.task.task import path_equations, path_jacobian
@@ -103,7 +104,7 @@ def horizon_program(
 def _trace_program(task: MotionTask, objective: Objective, horizon: int) -> HorizonProgram:
     n, label = task.arm.dof, f"objective {objective.name}"
     if objective.form != "integral":
-        raise InvalidInput(f"{label}: form 'integral' wanted, got {objective.form!r}")
+        raise InvalidInput(f"{label}: form 'integral' wanted, got {shown(objective.form)}")
     trace = Trace(len(task.times))
     tape = trace.tape
     samples = [trace.inputs(n) for _ in range(horizon)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from paretoik.errors import InvalidInput
+from paretoik.inputs import shown
 from paretoik.resolution.traces import ResolvedMotion
 from paretoik.self_motion.start_postures import wrap_difference
 from paretoik.task.limits import position_ranges
@@ -64,7 +65,7 @@ def distance_to(reference: Motion) -> Objective:
     Raises InvalidInput for what is not one motion; the objective does for motions with other samples.
     """
     if not isinstance(reference, Motion):
-        raise InvalidInput(f"reference: a Motion wanted, got {reference!r}")
+        raise InvalidInput(f"reference: a Motion wanted, got {shown(reference)}")
     if reference.q.ndim != 2:
         raise InvalidInput(f"reference: one motion wanted, got a batch of shape {reference.q.shape[:-2]}")
 

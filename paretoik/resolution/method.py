@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float, Shaped
 
 from paretoik.errors import InvalidInput
-from paretoik.inputs import finite_array
+from paretoik.inputs import check_choice, check_text, finite_array, read_list, shown
 from paretoik.task.objectives import Objective
 
 if TYPE_CHECKING:
@@ -38,9 +38,10 @@ class Parameter:
     fields: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
+        check_text("parameter: name", self.name)
         label = f"parameter {self.name}"
-        if self.scale not in get_args(Scale):
-            raise InvalidInput(f"{label}: scale must be one of {', '.join(get_args(Scale))}, got {self.scale!r}")
+        check_choice(f"{label}: scale", self.scale, get_args(Scale))
+        fields = read_list(f"{label}: fields", self.fields, str, "names of fields")
         lower, upper = (finite_array(f"{label}, {side}", getattr(self, side), ()) for side in ("lower", "upper"))
         if not lower <= upper:
             raise InvalidInput(f"{label}: a lower bound up to the upper one wanted, got {lower:g} to {upper:g}")
@@ -48,7 +49,7 @@ class Parameter:
             raise InvalidInput(f"{label}: a lower bound above 0 wanted on a log scale, got {lower:g}")
         if self.scale == "integer" and (lower % 1 or upper % 1):
             raise InvalidInput(f"{label}: whole bounds wanted on an integer scale, got {lower:g} to {upper:g}")
-        object.__setattr__(self, "fields", tuple(self.fields) or (self.name,))
+        object.__setattr__(self, "fields", fields or (self.name,))
 
     @property
     def gene_bounds(self) -> tuple[float, float]:
@@ -85,13 +86,15 @@ class Criterion:
 
     def __post_init__(self) -> None:
         if not isinstance(self.objective, Objective) or self.objective.form not in ("integral", "peak"):
-            raise InvalidInput(f"criteria: wants objectives of form integral or peak, got {self.objective!r}")
+            raise InvalidInput(
+                f"criteria: wants as objective one of form integral or peak, got {shown(self.objective)}"
+            )
         label = f"criterion {self.objective.name}"
         finite_array(f"{label}, reference", self.reference, ())
         if not finite_array(f"{label}, scale", self.scale, ()) > 0:
             raise InvalidInput(f"{label}: a positive scale wanted, got {self.scale}")
         if not (finite_array(f"{label}, gain", self.gain) >= 0).all():
-            raise InvalidInput(f"{label}: a gain of 0 or more wanted, got {self.gain}")
+            raise InvalidInput(f"{label}: a gain of 0 or more wanted, got {shown(self.gain)}")
 
     @property
     def parameter(self) -> Parameter:
@@ -124,7 +127,7 @@ class Method:
             )
             values, bound = finite_array(label, value), "" if np.isinf(upper) else f" and less than {upper:g}"
             if not ((values >= 0) & (values < upper)).all():
-                raise InvalidInput(f"{label} of 0 or more{bound} wanted, got {value}")
+                raise InvalidInput(f"{label} of 0 or more{bound} wanted, got {shown(value)}")
 
     def parameters(self, times: Float[np.ndarray, " time"]) -> tuple[Parameter, ...]:
         """Return the numbers that are searched by default, on a path with these sample times [s]."""
@@ -140,7 +143,7 @@ class Method:
         names.update(dict.fromkeys(each.name for each in fields(self)))
         for name in values:
             if name not in names:
-                raise InvalidInput(f"{type(self).__name__}: one of {', '.join(names)} wanted, got {name!r}")
+                raise InvalidInput(f"{type(self).__name__}: one of {', '.join(names)} wanted, got {shown(name)}")
         return replace(self, **values)
 
     def follow(

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.errors import InvalidInput
-from paretoik.inputs import ArrayLike, finite_array
+from paretoik.inputs import ArrayLike, check_choice, finite_array, read_list, shown
 from paretoik.resolution.method import Criterion as Criterion
 from paretoik.resolution.method import Method as Method
 from paretoik.resolution.method import Number as Number
@@ -129,9 +129,8 @@ class GradientProjection(DampedLeastSquares):
     def criterion_list(self) -> tuple[Criterion, ...]:
         """The criteria, all of them with gains; raises InvalidInput for what is none."""
         criteria = (self.criteria,) if isinstance(self.criteria, Criterion | Objective) else self.criteria
-        if not isinstance(criteria, Iterable):
-            raise InvalidInput(f"criteria: wants objectives of form integral or peak, got {criteria!r}")
-        return tuple(one if isinstance(one, Criterion) else Criterion(objective=one) for one in criteria)
+        listed = read_list("criteria", criteria, object, "objectives of form integral or peak")
+        return tuple(one if isinstance(one, Criterion) else Criterion(objective=one) for one in listed)
 
     def parameters(self, times: Float[np.ndarray, " time"]) -> tuple[Parameter, ...]:
         """Return the numbers that are searched by default, the gain of every criterion among them."""
@@ -172,8 +171,7 @@ class WeightedGradientProjection(GradientProjection):
         super().__post_init__()
         if self.priorities is not None:
             finite_array("WeightedGradientProjection: priorities", self.priorities)
-        if self.variant not in get_args(Variant):
-            raise InvalidInput(f"variant must be one of {', '.join(get_args(Variant))}, got {self.variant!r}")
+        check_choice("variant", self.variant, get_args(Variant))
 
     @property
     def _priority_names(self) -> list[str]:
@@ -233,4 +231,4 @@ class Nedungadi(Method):
 
     def __post_init__(self) -> None:
         if not (finite_array("Nedungadi: tolerance", self.tolerance) > 0).all():
-            raise InvalidInput(f"Nedungadi: a positive tolerance wanted, got {self.tolerance}")
+            raise InvalidInput(f"Nedungadi: a positive tolerance wanted, got {shown(self.tolerance)}")

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.errors import InvalidInput
-from paretoik.inputs import finite_array
+from paretoik.inputs import finite_array, shown
 from paretoik.resolution.method import Method, Number, Parameter, number
 from paretoik.task.objectives import Objective, kinetic_energy
 
@@ -42,15 +42,17 @@ class PredictiveKineticEnergy(Method):
         finite_array("PredictiveKineticEnergy: horizon", self.horizon)
         horizon = np.asarray(self.horizon)
         if horizon.dtype.kind not in "iu" or not (horizon >= 1).all():
-            raise InvalidInput(f"PredictiveKineticEnergy: a horizon of 1 sample or more wanted, got {self.horizon}")
+            raise InvalidInput(
+                f"PredictiveKineticEnergy: a horizon of 1 sample or more wanted, got {shown(self.horizon)}"
+            )
         for name in ("prediction_step", "update_interval"):
             value = getattr(self, name)
             if value is not None and not (finite_array(f"PredictiveKineticEnergy: {name}", value) > 0).all():
-                raise InvalidInput(f"PredictiveKineticEnergy: {name} of more than 0 s wanted, got {value}")
+                raise InvalidInput(f"PredictiveKineticEnergy: {name} of more than 0 s wanted, got {shown(value)}")
         if not (finite_array("PredictiveKineticEnergy: feedback", self.feedback) >= 0).all():
-            raise InvalidInput(f"PredictiveKineticEnergy: feedback of 0 or more wanted, got {self.feedback}")
+            raise InvalidInput(f"PredictiveKineticEnergy: feedback of 0 or more wanted, got {shown(self.feedback)}")
         if not isinstance(self.objective, Objective):
-            raise InvalidInput(f"PredictiveKineticEnergy: an objective wanted, got {self.objective!r}")
+            raise InvalidInput(f"PredictiveKineticEnergy: an objective wanted, got {shown(self.objective)}")
 
     def parameters(self, times: Float[np.ndarray, " time"]) -> tuple[Parameter, ...]:
         """Return the numbers that are searched by default.

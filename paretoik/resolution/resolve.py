@@ -9,8 +9,8 @@ from typing import Literal, get_args
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.errors import EvaluationFailed, Infeasible, InvalidInput, check_size
-from paretoik.inputs import finite_array
+from paretoik.errors import EvaluationFailed, Infeasible, InvalidInput
+from paretoik.inputs import check_choice, check_seed, finite_array, shown
 from paretoik.resolution.constrained import ConstrainedTraces
 from paretoik.resolution.follow import follow
 from paretoik.resolution.methods import ConstrainedQP, Criterion, Method, VelocityMethod
@@ -70,12 +70,11 @@ def resolution_of(
 ) -> Resolution:
     """Return what ``paretoik.resolve`` is asked for; raises InvalidInput naming what cannot be used, and OutOfReach."""
     if not isinstance(method, Method):
-        raise InvalidInput(f"resolve: wants a method, such as PseudoInverse(), got {method!r}")
-    if unreachable not in get_args(Unreachable):
-        raise InvalidInput(f"unreachable must be one of {', '.join(get_args(Unreachable))}, got {unreachable!r}")
+        raise InvalidInput(f"resolve: wants a method, such as PseudoInverse(), got {shown(method)}")
+    check_choice("unreachable", unreachable, get_args(Unreachable))
     if not finite_array("tolerance", tolerance, ()) > 0:
         raise InvalidInput(f"tolerance: a positive distance in m or rad wanted, got {tolerance}")
-    check_size("seed", seed, 0)
+    check_seed("seed", seed)
     criteria = method.criterion_list if isinstance(method, VelocityMethod) else ()
     task = motion_task(
         arm,
@@ -116,13 +115,10 @@ def _starts(task: MotionTask, start: object, seed: int) -> np.ndarray:
         lower, upper = task.bounds.get("position", task.arm.position_limits[None])[0].T
         within = ((candidates >= lower) & (candidates <= upper)).all(axis=1)
         return np.asarray(candidates[np.argmax(singular_values.min(axis=1) + 1e3 * within)])
-    try:
-        q = np.array(start, dtype=float)
-    except (TypeError, ValueError):
-        raise InvalidInput(f"start: joint positions (..., {task.arm.dof}) wanted, got {start!r}") from None
+    q = finite_array("start", start)
     if q.ndim == 0 or q.shape[-1] != task.arm.dof or not q.size:
         raise InvalidInput(f"start: joint positions (..., {task.arm.dof}) wanted, got shape {q.shape}")
-    return finite_array("start", q)
+    return q
 
 
 def _check_criteria(task: MotionTask, motion: ResolvedMotion, criteria: Sequence[Criterion]) -> None:
@@ -156,7 +152,7 @@ def _check_tracking(task: MotionTask, motion: ResolvedMotion, tolerance: float) 
     distance = describe_errors(task.tasks, motion.traces.errors.reshape(-1, samples, task.rows)[i, sample])
     if sample == 0:
         raise InvalidInput(
-            f"resolve: {name}start is {distance} off the path's first sample; wants at most "
+            f"resolve: {name}start is {distance} off the path's first sample, which must be at most "
             f'{tolerance:g} {error_unit(task.tasks)}, or unreachable="track"'
         )
     cause = LOST_STEPS[str(status[i, sample - 1])] if broken[i, sample] else f"{distance} off the path"

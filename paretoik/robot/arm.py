@@ -13,16 +13,35 @@ from jaxtyping import Float
 
 from paretoik.arrays import Jacobians, Vector3, read_only
 from paretoik.errors import InvalidInput
-from paretoik.inputs import ArrayLike, file_path, finite_array
-from paretoik.robot.arm_inputs import body_tuple, limit_rows, number_array, symmetric_limits
+from paretoik.inputs import (
+    ArrayLike,
+    check_choice,
+    check_instance,
+    check_mapping,
+    check_text,
+    file_path,
+    finite_array,
+    shown,
+)
+from paretoik.robot.arm_inputs import (
+    OWN_FRAMES,
+    JointType,
+    body_tuple,
+    check_joints,
+    joint_positions,
+    joint_tuple,
+    limit_rows,
+    number_array,
+    planar_bodies,
+    symmetric_limits,
+    type_tuple,
+)
 from paretoik.robot.body import Body, combine_bodies, transform_body
 from paretoik.robot.denavit_hartenberg import joint_placements
 from paretoik.robot.frame import Frame
 from paretoik.robot.pose import Pose, check_pose, matrix_to_quaternion, pose_batch
 from paretoik.tables import html_representation
 
-JointType = Literal["revolute", "continuous", "prismatic"]
-JOINT_TYPES: tuple[JointType, ...] = ("revolute", "continuous", "prismatic")
 EARTH_GRAVITY = (0.0, 0.0, -9.81)  # m/s²
 
 
@@ -56,19 +75,7 @@ class Arm:
 
     def __post_init__(self) -> None:
         """Check names, types and limits; make the arrays read-only."""
-        if not self.joint_names:
-            raise InvalidInput(f"arm {self.name}: wants at least one moving joint, has none")
-        if len(set(self.joint_names)) != self.dof:
-            raise InvalidInput(f"arm {self.name}: joint names must differ, got {', '.join(self.joint_names)}")
-        for joint_type in self.joint_types:
-            if joint_type not in JOINT_TYPES:
-                wish = f"joint type must be one of {', '.join(JOINT_TYPES)}"
-                raise InvalidInput(f"arm {self.name}: {wish}, got {joint_type!r}")
-        for name, (low, high) in zip(self.joint_names, np.reshape(self.position_limits, (-1, 2)), strict=False):
-            if not low <= high:
-                raise InvalidInput(
-                    f"arm {self.name}, {name}: position limits lower ≤ upper wanted, got {low:g}, {high:g}"
-                )
+        check_joints(self.name, self.joint_names, self.joint_types, self.position_limits)
         for array in (self.gravity, self.position_limits, self.velocity_limits, self.torque_limits):
             array.setflags(write=False)
 
@@ -111,24 +118,15 @@ class Arm:
         >>> Arm.planar(lengths=[1.0, 1.0, 1.0]).dof
         3
         """
+        check_text("name", name)
         length = number_array("lengths", lengths, None, positive=True)
         count = len(length)
-        mass, center, inertia = (
-            np.zeros(count) if values is None else number_array(field_name, values, count)
-            for field_name, values in (("masses", masses), ("centers", centers), ("inertias", inertias))
-        )
-        if masses is not None and (np.any(mass < 0) or np.any(inertia < 0)):
-            raise InvalidInput("planar arm: masses and inertias must not be negative")
-        offsets = np.concatenate([[0.0], length[:-1]])
         return cls(
             name=name,
             joint_names=tuple(f"joint{i + 1}" for i in range(count)),
             joint_types=_all_revolute(count),
-            placements=tuple(Pose(np.array([x, 0.0, 0.0])) for x in offsets),
-            bodies=tuple(
-                Body(mass=float(m), center=np.array([c, 0.0, 0.0]), inertia=np.diag([0.0, j, j]))
-                for m, c, j in zip(mass, center, inertia, strict=True)
-            ),
+            placements=tuple(Pose(np.array([x, 0.0, 0.0])) for x in (0.0, *length[:-1])),
+            bodies=planar_bodies(masses, centers, inertias, count),
             tool=Pose(np.array([length[-1], 0.0, 0.0])),
             base=Pose(np.zeros(3)),
             gravity=np.zeros(3),
@@ -167,20 +165,16 @@ class Arm:
 
         Raises InvalidInput where the table is not rectangular, or an entry is not finite.
         """
-        if convention not in ("modified", "standard"):
-            raise InvalidInput(f"convention must be 'modified' or 'standard', got {convention!r}")
-        count = len(np.atleast_1d(a))
+        check_choice("convention", convention, ("modified", "standard"))
+        check_text("name", name)
+        count = len(number_array("a", a, None))
         table = {k: number_array(k, v, count) for k, v in (("a", a), ("alpha", alpha), ("d", d), ("theta", theta))}
-        kinds = _all_revolute(count) if types is None else tuple(types)
-        if len(kinds) != count:
-            raise InvalidInput(f"types wants {count} values, one a joint, got {len(kinds)}")
+        kinds = _all_revolute(count) if types is None else type_tuple(types, count)
         bodies = body_tuple(masses, centers, inertias, count)
         placements, link_frames, tool = joint_placements(**table, convention=convention)
         if convention == "standard":
             bodies = tuple(transform_body(body, frame) for body, frame in zip(bodies, link_frames, strict=True))
-        names = tuple(joint_names) if joint_names is not None else tuple(f"joint{i + 1}" for i in range(count))
-        if len(names) != count:
-            raise InvalidInput(f"joint_names wants {count} names, got {len(names)}")
+        names = tuple(f"joint{i + 1}" for i in range(count)) if joint_names is None else joint_tuple(joint_names, count)
         return cls(
             name=name,
             joint_names=names,
@@ -252,6 +246,8 @@ class Arm:
         from paretoik.robot.fixed_joints import fix_joint  # here, because it builds on this class
 
         arm = self
+        if positions is not None:
+            check_mapping("fixed", positions, "values by joint", example="{'joint1': 0.3}")
         for joint, value in {**(positions or {}), **joints}.items():
             arm = fix_joint(arm, joint, value)
         return arm
@@ -264,7 +260,7 @@ class Arm:
         """
         from paretoik.robot.kinematics import forward_kinematics  # here, because it builds on this class
 
-        rotation, position = forward_kinematics(self, finite_array("q", q), frame)
+        rotation, position = forward_kinematics(self, joint_positions(q, self.dof), frame)
         return pose_batch(position, matrix_to_quaternion(rotation))
 
     def jacobian(self, q: ArrayLike, *, frame: str = "tool") -> Jacobians:
@@ -275,7 +271,7 @@ class Arm:
         """
         from paretoik.robot.kinematics import jacobian  # here, because it builds on this class
 
-        return jacobian(self, finite_array("q", q), frame)
+        return jacobian(self, joint_positions(q, self.dof), frame)
 
     def frame(self, name: str) -> Frame:
         """Return the frame called ``name``: "tool", "base", a link named after its joint, or a link of the URDF.
@@ -287,12 +283,17 @@ class Arm:
             "tool": Frame(link=self.dof - 1, pose=self.tool),
             "base": Frame(link=-1, pose=origin),
             **{joint: Frame(link=i, pose=origin) for i, joint in enumerate(self.joint_names)},
-            **{link: frame for link, frame in self.frames.items() if link not in ("tool", "base")},
+            **{link: frame for link, frame in self.frames.items() if link not in OWN_FRAMES},
         }
-        if name not in frames:
-            raise InvalidInput(f"frame {name!r} is not on {self.name}; its frames: {', '.join(frames)}")
+        if not isinstance(name, str) or name not in frames:
+            raise InvalidInput(f"frame: one of {', '.join(frames)} wanted, which {self.name} has, got {shown(name)}")
         return frames[name]
 
 
 def _all_revolute(count: int) -> tuple[JointType, ...]:
     return tuple[JointType, ...](["revolute"] * count)
+
+
+def check_arm(name: str, arm: object) -> None:
+    """Raise InvalidInput, by ``name``, unless this is an Arm."""
+    check_instance(name, arm, Arm, "an Arm", example="pk.arms.tringali_3r() or Arm.from_urdf(...)")

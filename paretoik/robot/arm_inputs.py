@@ -2,12 +2,48 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
 import numpy as np
 from jaxtyping import Float
 
 from paretoik.errors import InvalidInput
-from paretoik.inputs import real_array
+from paretoik.inputs import check_choice, check_text, finite_array, read_list, real_array, shown
 from paretoik.robot.body import Body
+
+JointType: TypeAlias = Literal["revolute", "continuous", "prismatic"]
+JOINT_TYPES: tuple[JointType, ...] = ("revolute", "continuous", "prismatic")
+OWN_FRAMES = ("tool", "base")  # that every arm has
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArmInputOptions:
+    """An arm has at most so many joints: what takes more is a mistake, and Jacobians of it fill the memory."""
+
+    most_joints: int = 1000
+
+
+OPTIONS = ArmInputOptions()
+
+
+def check_joints(
+    arm: str, names: tuple[str, ...], types: tuple[JointType, ...], limits: Float[np.ndarray, "dof 2"]
+) -> None:
+    """Raise InvalidInput, by the name of the ``arm``, for joints that no arm can have."""
+    if not names:
+        raise InvalidInput(f"arm {arm}: wants at least one moving joint, got none")
+    if len(set(names)) != len(names):
+        raise InvalidInput(f"arm {arm}: joint names must differ, got {', '.join(names)}")
+    for name in names:
+        if name in OWN_FRAMES:  # it would stand for the joint's link
+            wish = f"joint names must be others than those of its frames, {', '.join(OWN_FRAMES)}"
+            raise InvalidInput(f"arm {arm}: {wish}, got {shown(name)}")
+    for joint_type in types:
+        check_choice(f"arm {arm}: joint type", joint_type, JOINT_TYPES)
+    for name, (low, high) in zip(names, np.reshape(limits, (-1, 2)), strict=False):
+        if not low <= high:
+            raise InvalidInput(f"arm {arm}, {name}: position limits lower ≤ upper wanted, got {low:g}, {high:g}")
 
 
 def limit_rows(name: str, limits: object, count: int) -> Float[np.ndarray, "dof 2"]:
@@ -22,7 +58,7 @@ def limit_rows(name: str, limits: object, count: int) -> Float[np.ndarray, "dof 
     try:
         rows = np.stack([np.broadcast_to(side, (count,)) for side in (lower, upper)], axis=-1)
     except ValueError:
-        raise InvalidInput(f"{name} wants one value or {count}, one a joint, got {limits!r}") from None
+        raise InvalidInput(f"{name} wants one value or {count}, one a joint, got {shown(limits)}") from None
     if np.isnan(rows).any() or np.any(rows[:, 0] > rows[:, 1]):
         first = int(np.argmax(np.isnan(rows).any(axis=1) | (rows[:, 0] > rows[:, 1])))
         raise InvalidInput(
@@ -35,23 +71,47 @@ def symmetric_limits(name: str, limits: object, count: int) -> Float[np.ndarray,
     """Return symmetric limits (count,); None means unlimited."""
     try:
         values = np.broadcast_to(real_array(name, np.inf if limits is None else limits), (count,)).copy()
-    except ValueError:
-        raise InvalidInput(f"{name} wants one value or {count}, one a joint, got {limits!r}") from None
+    except ValueError as fault:
+        if isinstance(fault, InvalidInput):
+            raise
+        raise InvalidInput(f"{name} wants one value or {count}, one a joint, got {shown(limits)}") from None
     if not np.all(values > 0):
-        raise InvalidInput(f"{name} wants positive values, got {limits!r}")
+        raise InvalidInput(f"{name} wants positive values, got {shown(limits)}")
     return values
+
+
+def joint_tuple(names: object, count: int) -> tuple[str, ...]:
+    """Return names of joints; raises InvalidInput unless there are ``count``, all different, none that of a frame."""
+    joints = read_list("joint_names", names, str, "a list of names")
+    if len(joints) != count or len(set(joints)) != count:
+        raise InvalidInput(f"joint_names wants {count} different names, got {shown(names)}")
+    for joint in joints:
+        check_text("joint_names", joint)
+    return joints
+
+
+def type_tuple(types: object, count: int) -> tuple[JointType, ...]:
+    """Return types of joints; raises InvalidInput unless there are ``count`` that are known."""
+    kinds = read_list("types", types, str, "a list of types of joints")
+    if len(kinds) != count:
+        raise InvalidInput(f"types wants {count} values, one a joint, got {len(kinds)}")
+    for kind in kinds:
+        check_choice("types", kind, JOINT_TYPES)
+    return kinds
 
 
 def number_array(name: str, values: object, count: int | None, *, positive: bool = False) -> np.ndarray:
     """Return finite numbers (count,); ``count`` None takes any length but 0. Raises InvalidInput by ``name``."""
     array = real_array(name, values)
+    if count is None and array.ndim == 1 and array.size > OPTIONS.most_joints:
+        raise InvalidInput(f"{name} wants at most {OPTIONS.most_joints} joints, got {array.size}")
     if array.ndim != 1 or (count is not None and len(array) != count) or not np.all(np.isfinite(array)):
         wish = "a list of finite numbers" if count is None else f"{count} finite numbers, one a joint"
-        raise InvalidInput(f"{name} wants {wish}, got {values!r}")
+        raise InvalidInput(f"{name} wants {wish}, got {shown(values)}")
     if len(array) == 0:
         raise InvalidInput(f"{name} wants at least one moving joint's value, got none")
     if positive and np.any(array <= 0):
-        raise InvalidInput(f"{name} wants positive numbers, got {values!r}")
+        raise InvalidInput(f"{name} wants positive numbers, got {shown(values)}")
     return array
 
 
@@ -65,3 +125,26 @@ def body_tuple(masses: object, centers: object, inertias: object, count: int) ->
             f"centers and inertias want shapes {(count, 3)} and {(count, 3, 3)}, got {center.shape} and {inertia.shape}"
         )
     return tuple(Body.from_values(f"link {i + 1}", mass[i], center[i], inertia[i]) for i in range(count))
+
+
+def planar_bodies(masses: object, centers: object, inertias: object, count: int) -> tuple[Body, ...]:
+    """Return one body a link of a planar arm, its centre on the x axis, its inertia about z; None is 0 for all."""
+    mass, center, inertia = (
+        np.zeros(count) if values is None else number_array(name, values, count)
+        for name, values in (("masses", masses), ("centers", centers), ("inertias", inertias))
+    )
+    if masses is not None and (np.any(mass < 0) or np.any(inertia < 0)):
+        least = min(mass.min(), inertia.min())
+        raise InvalidInput(f"planar arm: masses and inertias must not be negative, got {least:g}")
+    return tuple(
+        Body(mass=float(m), center=np.array([c, 0.0, 0.0]), inertia=np.diag([0.0, j, j]))
+        for m, c, j in zip(mass, center, inertia, strict=True)
+    )
+
+
+def joint_positions(q: object, dof: int) -> np.ndarray:
+    """Return joint positions (*batch, dof) as floats; raises InvalidInput for others."""
+    positions = finite_array("q", q)
+    if positions.shape[-1:] != (dof,):
+        raise InvalidInput(f"q: must have shape (..., {dof}), one a joint, got shape {positions.shape}")
+    return positions

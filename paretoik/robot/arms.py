@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from paretoik.errors import InvalidInput
+from paretoik.inputs import check_choice
 from paretoik.robot.arm import Arm
 
 TRINGALI_MASSES = {"printed": (0.615, 0.615, 0.307), "fitted": (0.619, 0.821, 0.503)}
@@ -23,8 +23,7 @@ def tringali_3r(masses: Literal["printed", "fitted"] = "printed") -> Arm:
     >>> tringali_3r("fitted").bodies[2].mass
     0.503
     """
-    if masses not in TRINGALI_MASSES:
-        raise InvalidInput(f"masses must be 'printed' or 'fitted', got {masses!r}")
+    check_choice("masses", masses, TRINGALI_MASSES)
     return Arm.planar(
         lengths=[0.176, 0.176, 0.1375],
         masses=TRINGALI_MASSES[masses],
@@ -43,8 +42,7 @@ def marcos_nr(links: Literal[3, 4] = 3) -> Arm:
     >>> marcos_nr(4).dof
     4
     """
-    if links not in (3, 4):
-        raise InvalidInput(f"links must be 3 or 4, got {links!r}")
+    check_choice("links", links, (3, 4))
     return Arm.planar(lengths=[1.0] * links, name=f"Marcos {links}R")
 
 

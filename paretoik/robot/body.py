@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from paretoik.arrays import Matrix3, Vector3
 from paretoik.errors import InvalidInput
-from paretoik.inputs import real_array
+from paretoik.inputs import finite_number, real_array, shown
 from paretoik.robot.pose import Pose
 
 INERTIA_TOLERANCE = 1e-15  # kg m²: less than a grain of sand has, and than the rounding of real files
@@ -30,18 +30,24 @@ class Body:
         Raises InvalidInput where the mass is negative, a number not finite, or the inertia not that of a real body (not
         symmetric, not positive, or against the triangle inequality).
         """
-        mass = float(real_array(f"{name}: mass", mass))
+        mass = finite_number(f"{name}: mass", mass)
         position = real_array(f"{name}: centre of gravity", center)
         tensor = np.zeros((3, 3)) if inertia is None else real_array(f"{name}: inertia", inertia)
-        if not np.isfinite(mass) or mass < 0:
+        if mass < 0:
             raise InvalidInput(f"{name}: mass must be a finite number, not negative, got {mass}")
         if position.shape != (3,) or not np.all(np.isfinite(position)):
-            raise InvalidInput(f"{name}: centre of gravity wants three finite numbers, got {center!r}")
+            raise InvalidInput(f"{name}: centre of gravity wants three finite numbers, got {shown(center)}")
         if tensor.shape != (3, 3) or not np.all(np.isfinite(tensor)):
-            raise InvalidInput(f"{name}: inertia wants 3 × 3 finite numbers, got {inertia!r}")
+            raise InvalidInput(f"{name}: inertia wants 3 × 3 finite numbers, got {shown(inertia)}")
         if fault := inertia_fault(tensor):
             raise InvalidInput(f"{name}: {fault}")
-        return cls(mass=float(mass), center=position.copy(), inertia=tensor.copy())
+        body = cls(mass=mass, center=position, inertia=tensor)
+        with np.errstate(over="ignore", invalid="ignore"):
+            if not np.isfinite(body.inertia_about_origin).all():
+                raise InvalidInput(
+                    f"{name}: a mass and a centre of gravity wanted that can be added up, got {mass:g} kg"
+                )
+        return body
 
     @property
     def first_moment(self) -> Vector3:
@@ -72,14 +78,14 @@ def inertia_fault(inertia: Matrix3) -> str | None:
     if size < INERTIA_TOLERANCE:
         return None
     if np.abs(inertia - inertia.T).max() > 1e-9 * size:
-        return "inertia must be symmetric"
+        return f"inertia must be symmetric, got {shown(inertia.tolist())}"
     principal = np.linalg.eigvalsh(inertia)
     if principal[0] < -1e-9 * size:
-        return f"inertia must be positive, its smallest principal moment is {principal[0]:.3g} kg m²"
+        return f"inertia must be positive, got its smallest principal moment of {principal[0]:.3g} kg m²"
     if principal[0] + principal[1] < principal[2] * (1 - 1e-6):
         return (
-            f"inertia breaks the triangle inequality: principal moments {principal[0]:.4g}, {principal[1]:.4g} and "
-            f"{principal[2]:.4g} kg m²"
+            f"inertia breaks the triangle inequality, which it must keep: got principal moments {principal[0]:.4g}, "
+            f"{principal[1]:.4g} and {principal[2]:.4g} kg m²"
         )
     return None
 

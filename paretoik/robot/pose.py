@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.errors import InvalidInput
-from paretoik.inputs import ArrayLike, finite_array
+from paretoik.inputs import ArrayLike, finite_array, finite_number, shown
 
 UNIT_TOLERANCE = 1e-6  # a quaternion or a rotation matrix this near to orthonormal is normalised
 
@@ -44,7 +44,7 @@ class Pose:
     @classmethod
     def from_xyzw(cls, position: ArrayLike, xyzw: ArrayLike) -> Pose:
         """Pose from a quaternion whose scalar comes last, (x, y, z, w), as ROS and SciPy write it."""
-        return cls(position, np.roll(finite_array("pose quaternion (x, y, z, w)", xyzw, shape=(4,)), 1))
+        return cls(position, np.roll(finite_array("pose xyzw", xyzw, shape=(4,)), 1))
 
     @classmethod
     def from_matrix(cls, matrix: ArrayLike, position: ArrayLike | None = None) -> Pose:
@@ -59,9 +59,10 @@ class Pose:
             array, position = array[:3, :3], array[:3, 3]
         if array.shape != (3, 3):
             raise InvalidInput(f"pose matrix: must be (3, 3), or (4, 4) without a position, got shape {array.shape}")
-        excess = float(np.abs(array.T @ array - np.eye(3)).max())
-        determinant = float(np.linalg.det(array))
-        if excess > 2 * UNIT_TOLERANCE or determinant < 0:
+        with np.errstate(over="ignore", invalid="ignore"):
+            excess = float(np.abs(array.T @ array - np.eye(3)).max())
+            determinant = float(np.linalg.det(array))
+        if not excess <= 2 * UNIT_TOLERANCE or determinant < 0:
             fact = f"got determinant {determinant:.6g} and RᵀR off the identity by {excess:.3g}"
             raise InvalidInput(f"pose matrix: must be a rotation, {fact}")
         return cls((0.0, 0.0, 0.0) if position is None else position, matrix_to_quaternion(array))
@@ -78,8 +79,9 @@ class Pose:
     @classmethod
     def planar(cls, x: float, y: float, angle: float = 0.0) -> Pose:
         """Pose in the xy-plane: position (x, y) [m], rotated by ``angle`` [rad] about +z."""
-        half = float(finite_array("pose angle", angle, shape=())) / 2
-        return cls((x, y, 0.0), (np.cos(half), 0.0, 0.0, np.sin(half)))
+        half = finite_number("pose angle", angle) / 2
+        position = (finite_number("pose x", x), finite_number("pose y", y), 0.0)
+        return cls(position, (np.cos(half), 0.0, 0.0, np.sin(half)))
 
     def __len__(self) -> int:
         """Return the size of the leading batch axis; a single pose has none."""
@@ -153,7 +155,8 @@ def _freeze(pose: Pose, position: np.ndarray, quaternion: np.ndarray) -> None:
 
 def unit_quaternions(name: str, quaternions: Float[np.ndarray, "*batch 4"]) -> Float[np.ndarray, "*batch 4"]:
     """Normalise quaternions that are within 1e-6 of length 1; refuse the first other one by ``name`` and index."""
-    lengths = np.linalg.norm(quaternions, axis=-1, keepdims=True)
+    with np.errstate(over="ignore"):
+        lengths = np.linalg.norm(quaternions, axis=-1, keepdims=True)
     invalid = np.argwhere(np.abs(lengths[..., 0] - 1) > UNIT_TOLERANCE)
     if len(invalid):
         first = tuple(int(i) for i in invalid[0])
@@ -245,6 +248,6 @@ def vector_to_quaternion(vectors: Float[np.ndarray, "*batch 3"]) -> Float[np.nda
 def check_pose(name: str, pose: object) -> None:
     """Raise InvalidInput unless ``pose`` is one Pose."""
     if not isinstance(pose, Pose):
-        raise InvalidInput(f"{name}: a Pose wanted, got {pose!r}")
+        raise InvalidInput(f"{name}: a Pose wanted, got {shown(pose)}")
     if pose.position.ndim > 1:
         raise InvalidInput(f"{name}: one pose wanted, got a batch of {pose.position.shape[:-1]}; pick one: poses[0]")

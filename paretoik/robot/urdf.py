@@ -14,8 +14,9 @@ import numpy as np
 
 from paretoik.arrays import Matrix3, Vector3
 from paretoik.errors import InvalidInput, InvalidRobot
-from paretoik.inputs import file_path
-from paretoik.robot.arm import EARTH_GRAVITY, Arm, JointType
+from paretoik.inputs import check_choice, check_mapping, file_path, shown
+from paretoik.robot.arm import EARTH_GRAVITY, Arm
+from paretoik.robot.arm_inputs import JointType
 from paretoik.robot.body import Body, combine_bodies, transform_body
 from paretoik.robot.fixed_joints import joint_motion
 from paretoik.robot.frame import Frame
@@ -71,16 +72,15 @@ def from_urdf(
 
     Raises InvalidRobot listing every fault, InvalidInput for unknown names or zero limits.
     """
-    if not isinstance(fixed, Mapping | None):
-        raise InvalidInput(f"fixed: values by joint wanted, such as {{'joint1': 0.3}}, got {fixed!r}")
+    check_choice("zero_limits", zero_limits, (None, "unlimited"))
+    if fixed is not None:
+        check_mapping("fixed", fixed, "values by joint", example="{'joint1': 0.3}")
     robot = read_robot(file)
     if robot.faults:
         raise InvalidRobot(str(file), robot.faults)
     chain = select_chain(str(file), robot, base, tip, dict(fixed or {}))
     if chain.faults:
         raise InvalidRobot(str(file), chain.faults)
-    if zero_limits not in (None, "unlimited"):
-        raise InvalidInput(f"zero_limits must be 'unlimited' or None, got {zero_limits!r}")
     if zero_limits is None and (zeros := find_zero_limits(chain)):
         raise InvalidInput(f"{file}: {'; '.join(zeros)}")
     return replace(_build_arm(str(file), robot, chain), source=file, source_digest=robot.digest)
@@ -107,7 +107,7 @@ def _build_arm(source: str, robot: RobotDescription, chain: Chain) -> Arm:
         raise InvalidRobot(source, [f"the robot is too large, {error}"]) from None
     for joint, body in zip(moving, bodies, strict=True):
         if not np.isfinite([body.mass, *body.center, *body.inertia.flat]).all():
-            raise InvalidRobot(source, [f"joint {joint.name!r}: the masses that it moves are too large to add up"])
+            raise InvalidRobot(source, [f"joint {shown(joint.name)}: the masses that it moves are too large to add up"])
     return Arm(
         name=robot.name,
         joint_names=tuple(joint.name for joint in moving),

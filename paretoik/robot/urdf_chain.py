@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from paretoik.errors import InvalidInput
-from paretoik.inputs import finite_number
-from paretoik.robot.arm import JOINT_TYPES
+from paretoik.inputs import finite_number, listed, shown
+from paretoik.robot.arm_inputs import JOINT_TYPES
 from paretoik.robot.urdf_description import JointDescription, RobotDescription
 
 
@@ -76,10 +76,10 @@ def find_zero_limits(chain: Chain) -> list[str]:
 
 def _ends(source: str, robot: RobotDescription, base: str | None, tip: str | None) -> tuple[str, str]:
     for name, link in (("base", base), ("tip", tip)):
-        if link is not None and link not in robot.links:
-            raise InvalidInput(f"{source}: {name} {link!r} is not a link; links: {', '.join(robot.links)}")
+        if link is not None and (not isinstance(link, str) or link not in robot.links):
+            raise InvalidInput(f"{source}: {name}: one of {listed(robot.links)} wanted, got {shown(link)}")
     if tip is None and len(robot.leaves) > 1:
-        raise InvalidInput(f"{source}: several leaves, name one as tip: {', '.join(robot.leaves)}")
+        raise InvalidInput(f"{source}: tip: one of the leaves {listed(robot.leaves)} wanted, got none")
     return base or robot.roots[0], tip or robot.leaves[0]
 
 
@@ -90,7 +90,7 @@ def _path(source: str, below: list[JointDescription], base: str, tip: str) -> li
     link = tip
     while link != base:
         if link not in parent_joint:
-            raise InvalidInput(f"{source}: link {tip!r} does not hang on link {base!r}")
+            raise InvalidInput(f"{source}: base: a link wanted that carries the tip {shown(tip)}, got {shown(base)}")
         path.append(parent_joint[link])
         link = parent_joint[link].parent
     return path[::-1]
@@ -100,7 +100,7 @@ def _check_fixed(source: str, below: list[JointDescription], fixed: Mapping[str,
     joints = {joint.name: joint for joint in below if joint.type in JOINT_TYPES}
     for name, value in fixed.items():
         if name not in joints:
-            raise InvalidInput(f"{source}: joint {name!r} cannot be fixed; joints that move: {', '.join(joints)}")
+            raise InvalidInput(f"{source}: fixed: joints among {listed(joints)} wanted, got {shown(name)}")
         lower, upper = joints[name].lower, joints[name].upper
         if not lower <= finite_number(f"{source}: joint {name!r}", value) <= upper:
             raise InvalidInput(f"{source}: joint {name!r}: a value from {lower:g} to {upper:g} wanted, got {value:g}")

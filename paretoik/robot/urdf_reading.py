@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from paretoik.robot.arm import JOINT_TYPES
+from paretoik.robot.arm_inputs import JOINT_TYPES
 from paretoik.robot.body import inertia_fault
 from paretoik.robot.urdf_description import (
     INERTIA_ENTRIES,

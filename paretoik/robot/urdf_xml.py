@@ -59,7 +59,7 @@ def parse_elements(data: bytes, source: str) -> Element:
 def read_bytes(file: Path) -> bytes:
     """Return what a file of a robot holds; raises InvalidInput for no file, InvalidRobot for an empty or large one."""
     if not file.is_file():
-        raise InvalidInput(f"{file}: {'is not a regular file' if file.exists() else 'no such file'}")
+        raise InvalidInput(f"{file}: a plain file wanted, got {'something else' if file.exists() else 'nothing'}")
     try:
         with file.open("rb") as stream:
             data = stream.read(OPTIONS.max_bytes + 1)

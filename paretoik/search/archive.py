@@ -10,7 +10,7 @@ from moocore import is_nondominated
 from numpy.typing import ArrayLike
 
 from paretoik.arrays import Constraints, Genes, Ids, Mask, Objectives
-from paretoik.errors import check_size
+from paretoik.inputs import check_size
 from paretoik.search.constraints import TOLERANCE, Floats, Integers, violations
 
 

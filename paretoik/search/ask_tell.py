@@ -12,13 +12,14 @@ from numpy.typing import ArrayLike
 from pymoo.core.termination import NoTermination
 
 from paretoik.arrays import Genes, Ids, Mask, Objectives
-from paretoik.errors import InvalidInput, check_size
+from paretoik.errors import InvalidInput
+from paretoik.inputs import check_count, check_seed, check_size, integer_array, real_array, shown
 from paretoik.search.archive import Archive, Failures
 from paretoik.search.constraints import EQUALITY_TOLERANCE, TOLERANCE, Floats, column_tolerance, violations
 from paretoik.search.maximin import column, survivors
 from paretoik.search.nsga2 import MaxiMinNSGA2
 from paretoik.search.objectives import describe_objectives
-from paretoik.search.seeding import SMALLEST_POPULATION, check_problem, checked_genes
+from paretoik.search.seeding import SMALLEST_POPULATION, check_algorithm, check_problem, checked_genes
 
 if TYPE_CHECKING:
     from paretoik.front import Front
@@ -79,18 +80,17 @@ class Search:
         anchors: int = 0,
     ) -> None:
         check_problem(problem, initial=initial)
-        check_size("seed", seed, 0)
+        check_seed("seed", seed)
         check_size("population", population, SMALLEST_POPULATION)
-        if offspring is not None:
-            check_size("offspring", offspring, 1)
+        check_count("offspring", offspring)
         check_size("anchors", anchors, 0)
         if algorithm is not None and (initial is not None or offspring is not None or anchors):
             raise InvalidInput(
                 "algorithm: its own sampling and offspring wanted, got initial=, offspring= or anchors= beside it"
             )
+        check_algorithm(algorithm)
+        initial = None if initial is None else checked_genes(problem, initial)
         self.problem = problem
-        if algorithm is not None and not hasattr(algorithm, "setup"):
-            raise InvalidInput(f"algorithm: a pymoo algorithm wanted, such as MaxiMinNSGA2(), got {algorithm!r}")
         self._prototype = algorithm
         self._size, self._offspring, self._seed, self._initial = int(population), offspring, int(seed), initial
         self._stages = problem.n_obj if anchors and problem.n_obj > 1 else 0  # objectives to be anchored
@@ -145,6 +145,7 @@ class Search:
         """Return the front thinned by MaxiMin to at most so many points; None keeps all of them."""
         from paretoik.front import Front
 
+        check_count("points", points)
         members = self.archive.members
         if members is not None and points is not None and len(members) > points:
             members = members[np.sort(survivors(members.F, np.zeros(len(members)), points).index)]
@@ -205,6 +206,8 @@ class Search:
         """
         rows, outcome = self._rows(ids), self._outcome
         assert outcome is not None
+        if not isinstance(causes, Mapping | None):
+            raise InvalidInput(f"causes: words by id wanted, got {shown(causes)}")
         values = _table("F", F, len(rows), self.problem.n_obj)
         inequalities = _table("G", G, len(rows), self.problem.n_ieq_constr)
         equalities = _table("H", H, len(rows), self.problem.n_eq_constr)
@@ -215,15 +218,15 @@ class Search:
             self._advance(outcome)
 
     def _rows(self, ids: ArrayLike) -> Ids:
-        numbers = np.asarray(ids)
-        if numbers.ndim != 1 or (numbers.size and numbers.dtype.kind not in "iu"):
-            raise InvalidInput(f"ids: a list of integers wanted, got {numbers.dtype} of shape {numbers.shape}")
+        numbers = integer_array("ids", ids)
+        if numbers.ndim != 1:
+            raise InvalidInput(f"ids: a list of integers wanted, got shape {numbers.shape}")
         if self._candidates is None or self._outcome is None:
             raise InvalidInput("ids: those of an asked generation wanted, got some before ask()")
         first, last = int(self._candidates.ids[0]), int(self._candidates.ids[-1])
         for number in numbers[(numbers < first) | (numbers > last)]:
             raise InvalidInput(f"ids: those asked, {first} to {last}, wanted, got {number}")
-        rows: Ids = numbers.astype(np.int64) - first
+        rows: Ids = numbers - first
         unique, counts = np.unique(rows, return_counts=True)
         for row in unique[(counts > 1) | self._evaluated[unique]]:
             raise InvalidInput(f"ids: each told once wanted, got {first + row} again")
@@ -290,8 +293,8 @@ class Search:
 
 
 def _table(name: str, values: ArrayLike | None, rows: int, columns: int) -> Floats:
-    table = np.empty((rows, 0)) if values is None else np.asarray(values)
-    if table.shape != (rows, columns) or table.dtype.kind not in "biuf":
-        fact = "nothing" if values is None else f"{table.dtype} of shape {table.shape}"
+    table = np.empty((rows, 0)) if values is None else real_array(name, values)
+    if table.shape != (rows, columns):
+        fact = "nothing" if values is None else f"shape {table.shape}"
         raise InvalidInput(f"{name}: real numbers of shape ({rows}, {columns}) wanted, got {fact}")
     return table.astype(float)

@@ -9,6 +9,7 @@ from jaxtyping import Float, Int
 from numpy.typing import ArrayLike
 
 from paretoik.errors import InvalidInput
+from paretoik.inputs import real_array, shown
 
 Floats: TypeAlias = Float[np.ndarray, "..."]  # of a shape that the docstring says
 Integers: TypeAlias = Int[np.ndarray, "..."]
@@ -46,11 +47,17 @@ def violations(
     return total
 
 
+def check_tolerance(name: str, tolerance: object) -> Floats:
+    """Return a tolerance, or one a constraint, as floats; raises InvalidInput for a negative one or NaN."""
+    values = real_array(name, tolerance)
+    if values.ndim > 1 or not (values >= 0).all():
+        raise InvalidInput(f"{name}: numbers >= 0 wanted, got {shown(values.tolist())}")
+    return values
+
+
 def column_tolerance(name: str, tolerance: ArrayLike, columns: int) -> Floats:
     """Give one tolerance a constraint; raise InvalidInput for a wrong count, a negative one or NaN."""
-    values = np.asarray(tolerance, dtype=float)
+    values = check_tolerance(name, tolerance)
     if values.shape not in ((), (columns,)):
         raise InvalidInput(f"{name}: one number or {columns} (one a constraint) wanted, got shape {values.shape}")
-    if not (values >= 0).all():
-        raise InvalidInput(f"{name}: numbers >= 0 wanted, got {values.tolist()}")
     return np.broadcast_to(values, (columns,))

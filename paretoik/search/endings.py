@@ -11,9 +11,9 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import Ids, Objectives, Values
-from paretoik.errors import InvalidInput, check_size
+from paretoik.errors import InvalidInput
 from paretoik.front.indicators import estimate_hypervolume
-from paretoik.inputs import finite_number, real_array
+from paretoik.inputs import check_size, finite_number, real_array
 from paretoik.search.archive import Failures
 from paretoik.search.constraints import Floats
 

@@ -23,7 +23,8 @@ from pymoo.core.survival import Survival
 
 from paretoik.arrays import Ids, Mask, Values
 from paretoik.errors import InvalidInput
-from paretoik.search.constraints import EQUALITY_TOLERANCE, TOLERANCE, Floats, Integers, violations
+from paretoik.inputs import finite_number, real_array, shown
+from paretoik.search.constraints import EQUALITY_TOLERANCE, TOLERANCE, Floats, Integers, check_tolerance, violations
 from paretoik.search.insertion import (
     insertion_order,
     nearest_squared,
@@ -191,8 +192,9 @@ class MaxiMin(Survival):  # type: ignore[misc]  # pymoo has no types
         equality_tolerance: ArrayLike = EQUALITY_TOLERANCE,
     ) -> None:
         super().__init__(filter_infeasible=False)
-        if not 0.0 <= infeasible_share < 1.0:
-            raise InvalidInput(f"infeasible_share: a share from 0 to below 1 wanted, got {infeasible_share}")
+        check_infeasible_share(infeasible_share)
+        check_tolerance("tolerance", tolerance)
+        check_tolerance("equality_tolerance", equality_tolerance)
         self.ranges = None if ranges is None else _checked_ranges(ranges)
         self.infeasible_share = infeasible_share
         self.tolerance = tolerance
@@ -218,6 +220,12 @@ class MaxiMin(Survival):  # type: ignore[misc]  # pymoo has no types
         return Population(population)
 
 
+def check_infeasible_share(share: object) -> None:
+    """Raise InvalidInput unless this is a share of survivors that may be infeasible."""
+    if not 0.0 <= finite_number("infeasible_share", share) < 1.0:
+        raise InvalidInput(f"infeasible_share: a share from 0 to below 1 wanted, got {shown(share)}")
+
+
 def dominates(F: Floats, other: Floats) -> np.ndarray:
     """Return which points (..., n_obj) dominate others."""
     mask: np.ndarray = np.less_equal(F, other).all(axis=-1) & np.less(F, other).any(axis=-1)
@@ -230,7 +238,7 @@ def column(pop: Any, name: str) -> Floats:
 
 
 def _checked_ranges(ranges: ArrayLike) -> Floats:
-    box = np.asarray(ranges, dtype=float)
+    box = real_array("ranges", ranges)
     if box.ndim != 2 or len(box) != 2 or not np.isfinite(box).all() or (box[0] > box[1]).any():
-        raise InvalidInput(f"ranges: finite (lower, upper) with lower <= upper wanted, got {box.tolist()}")
+        raise InvalidInput(f"ranges: finite (lower, upper) with lower <= upper wanted, got {shown(box.tolist())}")
     return box

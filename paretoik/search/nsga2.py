@@ -7,19 +7,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 from pymoo.algorithms.base.genetic import GeneticAlgorithm
+from pymoo.core.crossover import Crossover
 from pymoo.core.individual import Individual
+from pymoo.core.mutation import Mutation
 from pymoo.core.population import Population
 from pymoo.core.sampling import Sampling
 from pymoo.operators.crossover.sbx import SBX
 from pymoo.operators.mutation.pm import PM
 from pymoo.util.display.multi import MultiObjectiveOutput
 
-from paretoik.errors import InvalidInput, check_size
+from paretoik.errors import InvalidInput
+from paretoik.inputs import check_count, check_instance, check_size, shown
 from paretoik.search.constraints import EQUALITY_TOLERANCE, TOLERANCE
 from paretoik.search.mating import BranchwiseMating
-from paretoik.search.maximin import MaxiMin, column
+from paretoik.search.maximin import MaxiMin, check_infeasible_share, column
 from paretoik.search.seeding import SMALLEST_POPULATION, check_bounds, check_sizes, seeded_population
-from paretoik.search.variables import Operators, has_real_genes, operators_for, samples_bits
+from paretoik.search.variables import Operators, check_sampling, has_real_genes, operators_for, samples_bits
 
 
 class MaxiMinNSGA2(GeneticAlgorithm):  # type: ignore[misc]  # pymoo has no types
@@ -50,8 +53,12 @@ class MaxiMinNSGA2(GeneticAlgorithm):  # type: ignore[misc]  # pymoo has no type
         equality_tolerance: ArrayLike = EQUALITY_TOLERANCE,
     ) -> None:
         check_size("pop_size", pop_size, SMALLEST_POPULATION)
-        if n_offsprings is not None:
-            check_size("n_offsprings", n_offsprings, 1)
+        check_count("n_offsprings", n_offsprings)
+        check_infeasible_share(infeasible_share)
+        check_sampling(sampling)
+        for name, operator, kind in (("crossover", crossover, Crossover), ("mutation", mutation, Mutation)):
+            if operator is not None:
+                check_instance(name, operator, kind, "an operator of pymoo's or None")
         branchwise = BranchwiseMating(
             SBX(eta=15, prob=0.9) if crossover is None else crossover,
             PM(eta=20) if mutation is None else mutation,
@@ -88,7 +95,7 @@ class MaxiMinNSGA2(GeneticAlgorithm):  # type: ignore[misc]  # pymoo has no type
             self.mating, self._operators = operators.mating, operators
         for name in options:
             if name not in self.__dict__ and name not in ("verbose", "progress"):
-                raise InvalidInput(f"minimize: one of pymoo's options wanted, got {name!r}")
+                raise InvalidInput(f"minimize: one of pymoo's options wanted, got {shown(name)}")
         return super().setup(problem, **options)
 
     def _initialize_infill(self) -> Any:

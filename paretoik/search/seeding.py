@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from paretoik.errors import InvalidInput, check_size
-from paretoik.inputs import real_array
+from paretoik.errors import InvalidInput
+from paretoik.inputs import check_size, real_array, shown
 from paretoik.search.constraints import Floats
 from paretoik.search.variables import bounds_of, has_real_genes, widths_of, within_reach
 
@@ -32,9 +32,15 @@ def check_problem(problem: Any, *, initial: Any = None) -> None:
 def check_sizes(problem: Any) -> None:
     """Raise InvalidInput unless this is a pymoo problem with genes and objectives."""
     if isinstance(problem, type) or not (hasattr(problem, "n_obj") and hasattr(problem, "n_var")):
-        raise InvalidInput(f"problem: a pymoo problem wanted, such as Tracking, got {problem!r}")
+        raise InvalidInput(f"problem: a pymoo problem wanted, such as Tracking, got {shown(problem)}")
     check_size("problem.n_var", problem.n_var, 1)
     check_size("problem.n_obj", problem.n_obj, 1)
+
+
+def check_algorithm(algorithm: object) -> None:
+    """Raise InvalidInput unless this is a pymoo algorithm or None."""
+    if algorithm is not None and (isinstance(algorithm, type) or not hasattr(algorithm, "setup")):
+        raise InvalidInput(f"algorithm: a pymoo algorithm wanted, such as MaxiMinNSGA2(), got {shown(algorithm)}")
 
 
 def check_bounds(problem: Any, *, initial: Any = None) -> None:

@@ -16,6 +16,7 @@ from pymoo.core.duplicate import DefaultDuplicateElimination
 from pymoo.core.mating import Mating
 from pymoo.core.mixed import MixedVariableDuplicateElimination, MixedVariableMating, MixedVariableSampling
 from pymoo.core.population import Population
+from pymoo.core.sampling import Sampling
 from pymoo.operators.crossover.pntx import TwoPointCrossover
 from pymoo.operators.crossover.sbx import SBX
 from pymoo.operators.mutation.bitflip import BitflipMutation
@@ -26,6 +27,7 @@ from pymoo.operators.selection.tournament import TournamentSelection
 
 from paretoik.arrays import Genes
 from paretoik.errors import InvalidInput
+from paretoik.inputs import shown
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,6 +54,24 @@ class Operators:
 def has_real_genes(problem: Any) -> bool:
     """Return whether the genes of a pymoo problem are an array of real numbers."""
     return getattr(problem, "vars", None) is None and problem.vtype in (None, float)
+
+
+def check_sampling(sampling: Any) -> None:
+    """Raise InvalidInput unless a first population can start with this: genes, individuals or a sampling of pymoo's."""
+    if sampling is None or isinstance(sampling, Sampling | Population) or _are_named(sampling):
+        return
+    try:
+        genes = np.asarray(sampling)
+    except Exception:  # a foreign array may raise anything
+        genes = np.array("")
+    is_usable = genes.dtype.kind in "biuf" and genes.ndim in (1, 2) and not np.isnan(genes).any()
+    if not is_usable or np.ma.is_masked(sampling):
+        raise InvalidInput(f"sampling: genes, a Population or a Sampling of pymoo's wanted, got {shown(sampling)}")
+
+
+def _are_named(genes: Any) -> bool:
+    """Say whether genes are rows of variables by name."""
+    return isinstance(genes, list | np.ndarray) and len(genes) > 0 and all(isinstance(row, dict) for row in genes)
 
 
 def samples_bits(sampling: Any) -> bool:

@@ -10,8 +10,18 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.errors import InvalidInput
-from paretoik.inputs import finite_number, real_array
-from paretoik.robot.arm import Arm
+from paretoik.inputs import (
+    check_function,
+    check_size,
+    check_text,
+    finite_number,
+    listed,
+    positive_number,
+    real_array,
+    real_number,
+    shown,
+)
+from paretoik.robot.arm import Arm, check_arm
 from paretoik.robot.scales import characteristic_length, joint_scales
 from paretoik.task.motion import Motion
 from paretoik.task.objectives import Form, Function, check_form, evaluate_function
@@ -37,7 +47,7 @@ class Limits:
     not named keeping the arm's own. None is the arm's own limit if it declares one, np.inf none. ``clearance`` [m] is
     the smallest distance to obstacles, where the problem has any. ``margin``, at least 0 and less than 0.5, moves every
     joint limit inwards by that fraction of its range: limits hold at the samples, and between them a motion may go a
-    little further.
+    little further. Raises InvalidInput, by name, for what is a limit of no arm.
 
     >>> Limits(position=np.deg2rad([90, 120, 120]), velocity=3.8).velocity
     3.8
@@ -51,14 +61,20 @@ class Limits:
     clearance: float = 0.0
     margin: float = 0.0
 
+    def __post_init__(self) -> None:
+        for kind in LIMITED:
+            _check_limit(f"{kind} limit", getattr(self, kind))
+        finite_number("clearance limit", self.clearance)
+        if not 0 <= finite_number("margin", self.margin) < 0.5:
+            raise InvalidInput(f"margin wants a fraction of at least 0 and less than 0.5, got {shown(self.margin)}")
+
     def bounds(self, arm: Arm, samples: int) -> dict[str, Bounds]:
         """Return every limit that has a finite side as (1 or time, dof, 2) arrays of (lower, upper).
 
         Raises InvalidInput, naming limit and joint, for wrong shapes, NaN, or a lower limit above the upper.
         """
-        finite_number("clearance limit", self.clearance)
-        if not 0 <= finite_number("margin", self.margin) < 0.5:
-            raise InvalidInput(f"margin wants a fraction of at least 0 and less than 0.5, got {self.margin}")
+        check_arm("arm", arm)
+        check_size("samples", samples, 1)
         declared = {"position": arm.position_limits, "velocity": arm.velocity_limits, "torque": arm.torque_limits}
         every = {kind: _bounds(kind, getattr(self, kind), declared.get(kind), arm, samples) for kind in LIMITED}
         inwards = self.margin * np.array([1.0, -1.0])
@@ -118,14 +134,18 @@ def constraint(
     1.0
     """
     check_form(form)
+    for key, text in (("unit", unit), ("name", "" if name is None else name)):
+        check_text(key, text)
+    lower, upper = real_number("lower", lower), real_number("upper", upper)
+    if scale is not None:
+        scale = positive_number("scale", scale, unit)
     if not lower <= upper or not (np.isfinite(lower) or np.isfinite(upper)):
         raise InvalidInput(f"constraint wants at least one finite bound and lower ≤ upper, got {lower} and {upper}")
     width = upper - lower if np.isfinite(upper - lower) else abs(upper if np.isfinite(upper) else lower)
-    size = float(scale if scale is not None else width or 1.0)
-    if not size > 0 or not np.isfinite(size):
-        raise InvalidInput(f"constraint: scale wants a positive number, got {scale}")
+    size = scale or width or 1.0
 
     def wrap(function: Function) -> Constraint:
+        check_function("constraint", function)
         label = name or function.__name__
         return Constraint(function=function, name=label, unit=unit, form=form, lower=lower, upper=upper, scale=size)
 
@@ -178,6 +198,31 @@ def position_ranges(arm: Arm, limits: Float[np.ndarray, "*times dof 2"]) -> Floa
     return np.where(one_sided, np.where(arm.periodic, 2 * np.pi, joint_scales(arm)), span)
 
 
+def _check_limit(name: str, limit: object) -> None:
+    """Raise InvalidInput, by ``name``, for what is a limit on no arm."""
+    if isinstance(limit, Mapping):
+        for joint, value in limit.items():
+            _sides(f"{name} of {joint if isinstance(joint, str) else shown(joint)}", value)
+    elif limit is not None:
+        for side in limit if isinstance(limit, tuple) and len(limit) == 2 else (limit,):
+            values = real_array(name, side)
+            if values.size == 0 or values.ndim > 2:
+                raise InvalidInput(
+                    f"{name} wants one number, one a joint or (samples, joints), got shape {values.shape}"
+                )
+            if np.isnan(values).any():
+                joint = f" of joint {np.argwhere(np.isnan(values))[0][-1] + 1}" if values.ndim else ""
+                raise InvalidInput(f"{name}{joint}: wants lower ≤ upper, got nan")
+
+
+def _sides(name: str, value: object) -> tuple[float, float]:
+    """Return the limits of one joint; raises InvalidInput for what is neither a number nor (lower, upper)."""
+    if isinstance(value, tuple) and len(value) == 2:
+        return real_number(name, value[0]), real_number(name, value[1])
+    high = real_number(name, value)
+    return -high, high
+
+
 def _bounds(kind: str, limit: object, declared: np.ndarray | None, arm: Arm, samples: int) -> Bounds:
     if declared is None:
         declared = np.tile([-np.inf, np.inf], (arm.dof, 1))
@@ -215,13 +260,13 @@ def _by_name(kind: str, limits: Mapping[str, Any], declared: np.ndarray, arm: Ar
     bounds = declared.copy()
     for joint, value in limits.items():
         if joint not in arm.joint_names:
-            raise InvalidInput(
-                f"{kind} limit: no joint {joint!r} on {arm.name}; its joints: {', '.join(arm.joint_names)}"
-            )
+            raise InvalidInput(f"{kind} limit: joints among {listed(arm.joint_names)} wanted, got {shown(joint)}")
         try:
             low, high = (float(side) for side in (value if isinstance(value, tuple) else (-value, value)))
         except (TypeError, ValueError):
-            raise InvalidInput(f"{kind} limit of {joint}: wants a number or (lower, upper), got {value!r}") from None
+            raise InvalidInput(
+                f"{kind} limit of {joint}: wants a number or (lower, upper), got {shown(value)}"
+            ) from None
         if not low <= high:
             raise InvalidInput(f"{kind} limit of {joint}: wants lower ≤ upper, got {low} and {high}")
         bounds[arm.joint_names.index(joint)] = low, high

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import get_args
 
 import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import JointPaths, Rotations, Series, read_only
 from paretoik.errors import Infeasible, InvalidInput
-from paretoik.inputs import real_array
+from paretoik.inputs import check_flag, finite_array, real_array
 from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arm import Arm
 from paretoik.robot.scales import joint_scales
@@ -27,6 +26,7 @@ from paretoik.task.differences import (
 )
 from paretoik.task.distances import clearance
 from paretoik.task.joint_curve import JointState, interpolate, project_rates
+from paretoik.task.motion_arguments import check_settings, checked_samples
 from paretoik.task.obstacles import Obstacle
 from paretoik.task.retraction import ON_PATH_TOLERANCE, retract_nearest, task_errors
 from paretoik.task.spline import Derivatives, Spline, evaluate_with_midpoints, fit_spline
@@ -63,22 +63,8 @@ class Motion:
     derivatives: Derivatives | None = None
 
     def __post_init__(self) -> None:
-        q, time = real_array("motion: q", self.q), real_array("motion: time", self.time)
-        if q.ndim < 2 or q.shape[-1] != self.arm.dof:
-            raise InvalidInput(f"motion of {self.arm.name}: q wants shape (..., time, {self.arm.dof}), got {q.shape}")
-        if q.shape[-2] < 3 or time.shape not in (q.shape[-2:-1], q.shape[:-1]):
-            raise InvalidInput(f"motion: wants one time a sample and at least 3, got {time.shape} for {q.shape}")
-        for name, values in (("position", q), ("time", time[..., None])):
-            invalid = np.argwhere(~np.isfinite(values))
-            if len(invalid):
-                raise InvalidInput(f"motion: every {name} must be finite, it is not at sample {invalid[0][-2]}")
-        decreasing = np.argwhere(np.diff(time) <= 0)
-        if len(decreasing):
-            raise InvalidInput(f"motion: times must increase, they don't at sample {decreasing[0][-1] + 1}")
-        if self.differences not in get_args(Differences):
-            raise InvalidInput(
-                f"differences must be one of {', '.join(get_args(Differences))}, got {self.differences!r}"
-            )
+        q, time = checked_samples(self.arm, self.q, self.time)
+        check_settings(self)
         if self.cyclic:
             distance = np.abs(q[..., -1, :] - q[..., 0, :])
             if (distance / joint_scales(self.arm)).max(initial=0.0) > CLOSURE_TOLERANCE:
@@ -228,8 +214,12 @@ class Motion:
         return quadrature_weights(self.time, self.differences)
 
     def integral(self, series: Series) -> np.ndarray:
-        """Return the time integral (*batch,) of values at the samples (*batch, time)."""
-        return np.asarray(np.sum(series * self.weights, axis=-1))
+        """Return the time integral (*batch,) of values at the samples (*batch, time); InvalidInput for others."""
+        values, weights = real_array("series", series), self.weights
+        if values.shape[-1:] not in ((), (1,), weights.shape[-1:]):
+            raise InvalidInput(f"series: values at {weights.shape[-1]} samples wanted, got shape {values.shape}")
+        with np.errstate(invalid="ignore"):  # of an infinite value, times a weight of 0
+            return np.asarray(np.sum(values * weights, axis=-1))
 
     def at(
         self, t: Float[np.ndarray, " instants"], *, project: bool = True
@@ -241,7 +231,7 @@ class Motion:
 
         Raises InvalidInput for times outside the motion, Infeasible where it cannot be projected.
         """
-        instants = self._instants(t)
+        instants = self._instants(t, project)
         q = self._curve(instants)
         return self._project(q, instants) if self.tasks and project else q
 
@@ -253,20 +243,23 @@ class Motion:
 
         Raises what ``at`` does, and InvalidInput where a path does not know its own velocities.
         """
-        instants = self._instants(t)
+        instants = self._instants(t, project)
         spline = JointState(*(self._curve(instants, order) for order in range(3)))
         if not (self.tasks and project):
             return spline
         return project_rates(self.arm, self.tasks, spline, self._project(spline.q, instants), instants)
 
-    def _instants(self, t: np.ndarray) -> np.ndarray:
+    def _instants(self, t: np.ndarray, project: bool) -> np.ndarray:
         """Return times as an array; raises InvalidInput for those outside the motion."""
-        instants = np.atleast_1d(real_array("at: times", t))
+        check_flag("project", project)
+        instants = np.atleast_1d(finite_array("at: times t", t))
+        if instants.ndim != 1:
+            raise InvalidInput(f"at: times t must be one row of numbers, got shape {instants.shape}")
         first, last = self.time[..., 0].max(), self.time[..., -1].min()
         rounding = 1e-12 * (last - first)
         outside = instants[~((instants >= first - rounding) & (instants <= last + rounding))]
         if len(outside):
-            raise InvalidInput(f"at: wants times from {first:g} s to {last:g} s, got {outside[0]:g} s")
+            raise InvalidInput(f"at: wants times t from {first:g} s to {last:g} s, got {outside[0]:g} s")
         return instants
 
     def _curve(self, instants: np.ndarray, order: int = 0) -> Float[np.ndarray, "*batch instants dof"]:

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 
 from paretoik.errors import InvalidInput
-from paretoik.inputs import finite_array
-from paretoik.robot.arm import Arm
+from paretoik.inputs import check_choice, check_flag, finite_number, read_list, real_array, shown
+from paretoik.robot.arm import Arm, check_arm
 from paretoik.task.differences import Differences
 from paretoik.task.limits import Constraint, Limits
+from paretoik.task.motion_arguments import check_link_radius, check_obstacles
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective, evaluate_function
 from paretoik.task.obstacles import Obstacle
@@ -42,16 +44,17 @@ def motion_task(
     ``redundant`` refuses tasks that leave no joint over. Raises InvalidInput, naming the thing, for each part that
     cannot be used.
     """
-    if not isinstance(arm, Arm):
-        raise InvalidInput(f"arm: an Arm wanted, such as pk.arms.tringali_3r() or Arm.from_urdf(...), got {arm!r}")
-    followed = tuple(_as_task(one).resolve_axes(arm) for one in (tasks if isinstance(tasks, Sequence) else [tasks]))
+    check_arm("arm", arm)
+    check_flag("cyclic", cyclic)
+    check_choice("differences", differences, get_args(Differences))
+    followed = tuple(_as_task(one).resolve_axes(arm) for one in (tasks if isinstance(tasks, list | tuple) else [tasks]))
     _check_tasks(arm, followed, redundant)
     _check_objectives_and_limits(objectives, constraints, limits)
     _check_obstacles(obstacles, link_radius)
     if cyclic and not all(task.path.is_closed for task in followed):
-        raise InvalidInput("cyclic=True wants a closed path, but the path does not end where it starts")
-    if end_velocity is not None and (end_velocity != 0 or cyclic):
-        raise InvalidInput(f"end_velocity must be None (free) or 0 on an open motion, got {end_velocity!r}")
+        raise InvalidInput("cyclic=True wants a closed path, got one that does not end where it starts")
+    if end_velocity is not None and (finite_number("end_velocity", end_velocity) != 0 or cyclic):
+        raise InvalidInput(f"end_velocity must be None (free) or 0 on an open motion, got {shown(end_velocity)}")
     if end_velocity is not None:
         _check_paths_end_at_rest(followed)
     bounds = (limits or Limits()).bounds(arm, followed[0].path.samples)
@@ -84,13 +87,13 @@ def motion_task(
 
 def _as_task(value: object) -> Task:
     if not isinstance(value, Path | Task):
-        raise InvalidInput(f"path wants a Path, a Task or several of them, got {value!r}")
+        raise InvalidInput(f"path wants a Path, a Task or several of them, got {shown(value)}")
     return Task(value) if isinstance(value, Path) else value
 
 
 def _check_tasks(arm: Arm, tasks: tuple[Task, ...], redundant: bool) -> None:
     if not tasks:
-        raise InvalidInput("wants at least one path or task, got none")
+        raise InvalidInput("path: wants at least one path or task, got none")
     times = tasks[0].path.times
     for i, task in enumerate(tasks[1:], start=2):
         if not np.array_equal(task.path.times, times):
@@ -98,7 +101,9 @@ def _check_tasks(arm: Arm, tasks: tuple[Task, ...], redundant: bool) -> None:
     rows = sum(task.rows for task in tasks)
     if rows > arm.dof - redundant:
         wish = "is not redundant for this task" if redundant else "has too few joints for this task"
-        raise InvalidInput(f"{arm.name} {wish}: {arm.dof} joints for {rows} equations; ask for fewer axes")
+        raise InvalidInput(
+            f"path: {arm.name} {wish}, got {arm.dof} joints for {rows} equations, wanted are more, or fewer axes"
+        )
 
 
 def _check_objectives_and_limits(
@@ -109,23 +114,17 @@ def _check_objectives_and_limits(
     if not objectives:
         raise InvalidInput("objectives: wants at least one, got none")
     if limits is not None and not isinstance(limits, Limits):
-        raise InvalidInput(f"limits: Limits(...) wanted, got {limits!r}")
+        raise InvalidInput(f"limits: Limits(...) wanted, got {shown(limits)}")
 
 
 def _check_obstacles(obstacles: Sequence[Obstacle], link_radius: float) -> None:
-    if not isinstance(obstacles, Sequence) or not all(isinstance(one, Obstacle) for one in obstacles):
-        raise InvalidInput(f"obstacles: a list of obstacles wanted, got {obstacles!r}")
-    if not finite_array("link_radius", link_radius, ()) >= 0:
-        raise InvalidInput(f"link_radius: 0 m or more wanted, got {link_radius}")
+    check_obstacles(obstacles)
+    check_link_radius(link_radius)
 
 
 def _check_decorated(kind: str, members: Sequence[Objective] | Sequence[Constraint], required: type) -> None:
-    if not isinstance(members, Sequence):
-        raise InvalidInput(f"{kind}s: wants a list, got {members!r}")
-    for member in members:
-        if not isinstance(member, required):
-            raise InvalidInput(f"{kind}s: wants functions decorated with @{kind}, got {member!r}")
-    names = [member.name for member in members]
+    wish = f"a list of functions decorated with @{kind}"
+    names = [member.name for member in read_list(f"{kind}s", members, required, wish)]
     if len(set(names)) != len(names):
         raise InvalidInput(f"{kind}s: names must differ, got {', '.join(names)}")
 
@@ -176,12 +175,11 @@ def _check_paths_end_at_rest(tasks: tuple[Task, ...]) -> None:
 
 
 def _start_posture(arm: Arm, start: object) -> np.ndarray:
-    try:
-        q = np.array(start, dtype=float)
-    except (TypeError, ValueError):
-        raise InvalidInput(f"start must be 'free' or {arm.dof} joint positions, got {start!r}") from None
+    if start is None or isinstance(start, str):
+        raise InvalidInput(f"start must be 'free' or {arm.dof} joint positions, got {shown(start)}")
+    q = real_array("start", start)
     if q.shape != (arm.dof,) or not np.all(np.isfinite(q)):
-        raise InvalidInput(f"start must be 'free' or {arm.dof} finite joint positions, got {start!r}")
+        raise InvalidInput(f"start must be 'free' or {arm.dof} finite joint positions, got {shown(start)}")
     return q
 
 
@@ -194,8 +192,8 @@ def _check_start(task: MotionTask, start: np.ndarray) -> None:
     if error[worst] > START_TOLERANCE * scales[worst]:
         unit = row_units(task.tasks)[worst]
         raise InvalidInput(
-            f"start is {error[worst]:.3g} {unit} off the path's first sample; wants at most "
-            f"{START_TOLERANCE * scales[worst]:.3g} {unit}"
+            f"start must be at most {START_TOLERANCE * scales[worst]:.3g} {unit} off the path's first sample, got "
+            f"{error[worst]:.3g} {unit}"
         )
     if "position" in task.bounds:
         lower, upper = task.bounds["position"][0].T
@@ -203,6 +201,6 @@ def _check_start(task: MotionTask, start: np.ndarray) -> None:
         if outside.any():
             j = int(np.argmax(outside))
             raise InvalidInput(
-                f"start: {task.arm.joint_names[j]} at {start[j]:.6g} is outside its limits {lower[j]:.6g} to "
-                f"{upper[j]:.6g}"
+                f"start: {task.arm.joint_names[j]} must be within its limits {lower[j]:.6g} to {upper[j]:.6g}, got "
+                f"{start[j]:.6g}"
             )

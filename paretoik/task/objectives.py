@@ -10,7 +10,7 @@ import numpy as np
 
 from paretoik.arrays import Values
 from paretoik.errors import InvalidInput
-from paretoik.inputs import check_flag, check_function
+from paretoik.inputs import check_choice, check_flag, check_function, check_text
 from paretoik.task.motion import Motion
 from paretoik.user_functions import user_function
 
@@ -82,8 +82,7 @@ def objective(
     check_form(form)
     check_flag("maximise", maximise)
     for label, text in (("unit", unit), ("name", "" if name is None else name)):
-        if not isinstance(text, str) or not text.isprintable():
-            raise InvalidInput(f"{label}: printable text wanted, got {text!r}")
+        check_text(label, text)
 
     def wrap(function: Function) -> Objective:
         check_function("objective", function)
@@ -94,8 +93,7 @@ def objective(
 
 def check_form(form: str) -> None:
     """Raise InvalidInput where ``form`` is not one of the four."""
-    if form not in get_args(Form):
-        raise InvalidInput(f"form must be one of {', '.join(get_args(Form))}, got {form!r}")
+    check_choice("form", form, get_args(Form))
 
 
 def check_motion(name: str, motion: object) -> None:

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from operator import index
 from typing import TypeAlias
 
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.arrays import Times
+from paretoik.arrays import Times, read_only
 from paretoik.errors import InvalidInput
-from paretoik.inputs import ArrayLike, finite_array, positive_number
+from paretoik.inputs import ArrayLike, check_size, finite_array, positive_number, shown
 from paretoik.robot.pose import quaternion_to_matrix, rotation_vector
 from paretoik.task.curves import CLOSURE_TOLERANCE, Curve, Line, Rates, SmoothCurve
 
@@ -25,7 +24,7 @@ class Path:
 
     ``times`` (time,) [s] start at 0 and increase, evenly or not. ``positions`` (time, 2 or 3) [m] are the samples, with
     unit ``quaternions`` (time, 4), (w, x, y, z) with continued signs, on a path of poses. ``curve`` is the path itself,
-    a function of time. The arrays are read-only.
+    a function of time. The arrays are read-only. Raises InvalidInput where they are those of no path.
     """
 
     times: Times
@@ -34,9 +33,18 @@ class Path:
     curve: Curve
 
     def __post_init__(self) -> None:
-        for values in (self.times, self.positions, self.quaternions):
+        times, positions = finite_array("path times", self.times), finite_array("path positions", self.positions)
+        if times.ndim != 1 or positions.shape not in ((len(times), 2), (len(times), 3)):
+            raise InvalidInput(f"path positions: must be one point for each of the times, got shape {positions.shape}")
+        check_instants(times)
+        quaternions = self.quaternions
+        if quaternions is not None:
+            quaternions = finite_array("path quaternions", quaternions, (len(times), 4))
+        if not callable(self.curve):
+            raise InvalidInput(f"path curve: a function of time wanted, got {shown(self.curve)}")
+        for name, values in (("times", times), ("positions", positions), ("quaternions", quaternions)):
             if values is not None:
-                values.setflags(write=False)
+                object.__setattr__(self, name, read_only(values))
 
     def __repr__(self) -> str:
         kind = f"{self.positions.shape[1]}-D points" if self.quaternions is None else "poses"
@@ -71,7 +79,7 @@ class Path:
         instants = self._instants(t)
         times = instants.ravel()
         positions, quaternions = self.curve(times)
-        positions = positions.reshape(*instants.shape, -1)
+        positions = positions.reshape(*instants.shape, self.positions.shape[1])
         if self.quaternions is None or quaternions is None:
             return positions, None
         later = np.searchsorted(self.times, times).clip(1, self.samples - 1)
@@ -92,16 +100,17 @@ class Path:
                 "path: velocities want a curve with rates, as of pk.line, circle, waypoints and poses, "
                 f"got {type(self.curve).__name__}"
             )
-        return self.curve.rates(self._instants(t))
+        instants = self._instants(t)
+        if instants.ndim != 1:
+            raise InvalidInput(f"path: times t must be one row of numbers, got shape {instants.shape}")
+        return self.curve.rates(instants)
 
     def _instants(self, t: ArrayLike) -> np.ndarray:
         """Return times as an array, cut off to the path by rounding alone."""
-        instants = finite_array("time on the path", t)
+        instants = finite_array("path: time t", t)
         outside = np.flatnonzero(np.abs(instants / self.duration - 0.5) > 0.5 + 1e-9)
         if len(outside):
-            raise InvalidInput(
-                f"time on the path: must lie in [0, {self.duration:g}] s, got {instants.flat[outside[0]]:g}"
-            )
+            raise InvalidInput(f"path: time t: must lie in [0, {self.duration:g}] s, got {instants.flat[outside[0]]:g}")
         return instants.clip(0.0, self.duration)
 
     def resample(self, samples: int) -> Path:
@@ -114,7 +123,7 @@ class Path:
         Raises InvalidInput for more samples than the path has, or fewer than three.
         """
         if sample_count(samples) > self.samples:
-            raise InvalidInput(f"samples: must be at most the path's own {self.samples}, got {samples}")
+            raise InvalidInput(f"samples: must be at most the path's own {self.samples}, got {shown(samples)}")
         return self._select(np.rint(np.linspace(0, self.samples - 1, samples)).astype(int))
 
     def truncate(self, samples: int) -> Path:
@@ -125,9 +134,12 @@ class Path:
 
     def standing(self, times: Times) -> Path:
         """Return the path of a tool that stays where this one begins, at other times (time,) [s]."""
+        instants = finite_array("path times", times)
+        if instants.ndim != 1:
+            raise InvalidInput(f"path times: must be one row of numbers, got shape {instants.shape}")
         quaternion = None if self.quaternions is None else self.quaternions[0]
         start = self.positions[0]
-        return sample_curve(Line(start, np.zeros_like(start), quaternion, np.zeros(3)), times)
+        return sample_curve(Line(start, np.zeros_like(start), quaternion, np.zeros(3)), instants)
 
     def _select(self, index: np.ndarray) -> Path:
         quaternions = None if self.quaternions is None else self.quaternions[index]
@@ -150,13 +162,19 @@ def even_times(duration: float, samples: int) -> Times:
 
 def sample_count(samples: int) -> int:
     """Return the number of samples of a path; raises InvalidInput for fewer than three."""
-    try:
-        count = index(samples)
-    except TypeError:
-        raise InvalidInput(f"samples: must be a whole number, got {samples!r}") from None
-    if count < 3:
-        raise InvalidInput(f"samples: must be at least 3, got {count}")
-    return count
+    check_size("samples", samples, 3)
+    return int(samples)
+
+
+def check_instants(times: Times) -> None:
+    """Raise InvalidInput unless times start at 0 and increase, three at least."""
+    sample_count(len(times))
+    if times[0] != 0:
+        raise InvalidInput(f"path times: must start at 0 s, got {times[0]:g}")
+    decreasing = np.flatnonzero(np.diff(times) <= 0)
+    if len(decreasing):
+        k = int(decreasing[0]) + 1
+        raise InvalidInput(f"path times: must increase, got {times[k]:g} after {times[k - 1]:g} at index {k}")
 
 
 def rotation_angles(quaternions: np.ndarray) -> np.ndarray:

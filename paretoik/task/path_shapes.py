@@ -3,16 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
 from jaxtyping import Float
 
 from paretoik.errors import InvalidInput
-from paretoik.inputs import ArrayLike, finite_array, positive_number
+from paretoik.inputs import ArrayLike, finite_array, finite_number, positive_number
 from paretoik.robot.pose import Pose, check_pose, rotation_vector
 from paretoik.task.curves import CLOSURE_TOLERANCE, Circle, Line, TimedCurve, interpolate
-from paretoik.task.path import Path, even_times, rotation_angles, sample_count, sample_curve
+from paretoik.task.path import Path, check_instants, even_times, rotation_angles, sample_curve
+
+
+@dataclass(frozen=True, kw_only=True)
+class PathOptions:
+    """What no path goes beyond: coordinates ``farthest`` [m], whose squares are numbers, and turns of a circle."""
+
+    farthest: float = 1e100
+    most_turns: float = 1e6  # of which the position is exact to 1e-9 of the radius
+
+
+OPTIONS = PathOptions()
 
 
 def line(
@@ -53,7 +65,7 @@ def line(
         shape = Line(origin, goal - origin, None, np.zeros(3))
     length = CLOSURE_TOLERANCE * np.linalg.norm(shape.origin)  # that rounding leaves
     if np.linalg.norm(shape.step) <= length and np.linalg.norm(shape.rotation_vector) <= CLOSURE_TOLERANCE:
-        raise InvalidInput(f"line: must have a length, but start and end are both {shape.origin.tolist()}")
+        raise InvalidInput(f"line: start and end must be apart, got both at {shape.origin.tolist()}")
     return sample_curve(TimedCurve(shape, times[-1], timing), times)
 
 
@@ -85,10 +97,12 @@ def circle(
     """
     times = even_times(duration, samples)
     radius = positive_number("circle radius", radius, "m")
-    sweep = 2 * np.pi * float(finite_array("circle turns", turns, shape=()))
-    if sweep == 0:
-        raise InvalidInput("circle turns: must not be 0")
-    phase = float(finite_array("circle start_angle", start_angle, shape=()))
+    _check_extent("circle radius", np.array(radius))
+    number = finite_number("circle turns", turns)
+    if not 0 < abs(number) <= OPTIONS.most_turns:
+        raise InvalidInput(f"circle turns: must not be 0, and {OPTIONS.most_turns:g} at most, got {number:g}")
+    sweep = 2 * np.pi * number
+    phase = finite_number("circle start_angle", start_angle)
     origin = center.position if isinstance(center, Pose) else _point("circle center", center)
     if isinstance(center, Pose):
         check_pose("circle center", center)
@@ -98,7 +112,10 @@ def circle(
     else:
         axes = _plane_axes((0.0, 0.0, 1.0) if normal is None else normal)
     if normal is not None and (isinstance(center, Pose) or len(origin) == 2):
-        raise InvalidInput("circle normal: only goes with a 3-D point as center; a pose has its own plane, 2-D has one")
+        center_kind = "a pose, which has its own plane" if isinstance(center, Pose) else "a 2-D point"
+        raise InvalidInput(
+            f"circle normal: must be None unless the center is a 3-D point, got a normal and {center_kind}"
+        )
     orientation = center.quaternion if isinstance(center, Pose) else None
     shape = Circle(origin, radius * axes, phase, sweep, orientation)
     return sample_curve(TimedCurve(shape, times[-1], timing), times)
@@ -127,7 +144,7 @@ def waypoints(
     array([1., 1.])
     """
     times = even_times(duration, samples)
-    positions, quaternions = _points_or_poses("waypoints", points)
+    positions, quaternions = _points_or_poses("waypoints: points", points)
     if len(positions) < 2:
         raise InvalidInput(f"waypoints: must be at least 2, got {len(positions)}")
     lengths = np.linalg.norm(np.diff(positions, axis=0), axis=1)
@@ -137,7 +154,7 @@ def waypoints(
     repeated = np.flatnonzero(lengths <= shortest)
     if len(repeated):
         first = int(repeated[0])
-        raise InvalidInput(f"waypoints: must differ from one to the next, but {first} and {first + 1} are the same")
+        raise InvalidInput(f"waypoints: must differ from one to the next, got the same for {first} and {first + 1}")
     knots = np.concatenate([[0.0], np.cumsum(lengths) / lengths.sum()])
     knots[-1] = 1.0
     return sample_curve(TimedCurve(interpolate(knots, positions, quaternions), times[-1], timing), times)
@@ -163,13 +180,7 @@ def poses(times: ArrayLike, poses: Sequence[Pose] | Pose | ArrayLike) -> Path:
     positions, quaternions = _points_or_poses("poses", poses)
     if len(instants) != len(positions):
         raise InvalidInput(f"poses: must be one for each time, got {len(positions)} for {len(instants)} times")
-    sample_count(len(instants))
-    if instants[0] != 0:
-        raise InvalidInput(f"path times: must start at 0 s, got {instants[0]:g}")
-    decreasing = np.flatnonzero(np.diff(instants) <= 0)
-    if len(decreasing):
-        k = int(decreasing[0]) + 1
-        raise InvalidInput(f"path times: must increase, got {instants[k]:g} after {instants[k - 1]:g} at index {k}")
+    check_instants(instants)
     return sample_curve(interpolate(instants, positions, quaternions), instants)
 
 
@@ -177,6 +188,7 @@ def _point(name: str, value: ArrayLike) -> np.ndarray:
     point = finite_array(name, value)
     if point.shape not in ((2,), (3,)):
         raise InvalidInput(f"{name}: must be a 2-D or 3-D point, got shape {point.shape}")
+    _check_extent(name, point)
     return point
 
 
@@ -187,21 +199,29 @@ def _points_or_poses(name: str, values: Sequence[Pose] | Pose | ArrayLike) -> tu
     if isinstance(values, Sequence) and poses:
         if len(poses) < len(values):
             first = next(i for i, value in enumerate(values) if not isinstance(value, Pose))
-            raise InvalidInput(f"{name}: must be all poses or all points, but index {first} is no pose")
+            raise InvalidInput(f"{name}: must be all poses or all points, got none at index {first}")
         for pose in poses:
             check_pose(name, pose)
         return np.stack([pose.position for pose in poses]), np.stack([pose.quaternion for pose in poses])
     points = finite_array(name, cast(ArrayLike, values))
     if points.ndim != 2 or points.shape[1] not in (2, 3):
         raise InvalidInput(f"{name}: must be poses or an array of points (n, 2) or (n, 3), got shape {points.shape}")
+    _check_extent(name, points)
     return points, None
+
+
+def _check_extent(name: str, points: np.ndarray) -> None:
+    """Raise InvalidInput for points so far away that squares of distances are no numbers."""
+    farthest = float(np.abs(points).max(initial=0.0))
+    if farthest > OPTIONS.farthest:
+        raise InvalidInput(f"{name}: must be within {OPTIONS.farthest:g} m, got {farthest:g} m")
 
 
 def _plane_axes(normal: ArrayLike) -> Float[np.ndarray, "2 3"]:
     direction = finite_array("circle normal", normal, shape=(3,))
     length = float(np.linalg.norm(direction))
     if length == 0:
-        raise InvalidInput("circle normal: must not be zero")
+        raise InvalidInput("circle normal: must not be zero, got 0 0 0")
     direction /= length
     along_x = np.abs(direction[0]) > 1 - 1e-9
     first = np.eye(3)[1 if along_x else 0]

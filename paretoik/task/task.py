@@ -13,6 +13,7 @@ from jaxtyping import Float
 from paretoik.arrays import Times
 from paretoik.autodiff.tape import where
 from paretoik.errors import InvalidInput
+from paretoik.inputs import check_choice, check_instance, check_text, shown
 from paretoik.robot.arm import Arm
 from paretoik.robot.components import (
     Component,
@@ -55,14 +56,13 @@ class Task:
     axes: Axes | None = None
 
     def __post_init__(self) -> None:
-        if not isinstance(self.path, Path):
-            raise InvalidInput(f"path: a Path wanted, such as pk.line(...), got {self.path!r}")
+        check_instance("path", self.path, Path, "a Path", example="pk.line(...)")
+        check_text("frame", self.frame)
         if self.axes is None:
             return
-        if self.axes not in list(ROWS):
-            raise InvalidInput(f"axes must be one of {', '.join(ROWS)}, got {self.axes!r}")
+        check_choice("axes", self.axes, ROWS)
         if self.has_orientation and self.path.quaternions is None:
-            raise InvalidInput(f"axes {self.axes!r} wants a path of poses, got a path of points")
+            raise InvalidInput(f"axes {shown(self.axes)} wants a path of poses, got a path of points")
         if self.axes == "xyz" and self.path.positions.shape[-1] == 2:
             raise InvalidInput("axes 'xyz' wants a path of 3-D points, got a path of 2-D points")
 
@@ -78,7 +78,7 @@ class Task:
             spatial: Axes = "pose" if oriented else "xy" if points.shape[-1] == 2 else "xyz"
             return replace(self, axes=planar if arm.is_planar else spatial)
         if arm.is_planar and self.axes not in ("xy", "xy+angle"):
-            raise InvalidInput(f"{arm.name} moves in a plane: axes must be 'xy' or 'xy+angle', got {self.axes!r}")
+            raise InvalidInput(f"{arm.name} moves in a plane: axes must be 'xy' or 'xy+angle', got {shown(self.axes)}")
         return self
 
     @property

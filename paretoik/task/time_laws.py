@@ -7,7 +7,7 @@ from typing import Literal, TypeAlias, get_args
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.errors import InvalidInput
+from paretoik.inputs import check_choice
 
 TimeLaw: TypeAlias = Literal["raised-cosine", "quintic", "uniform"]
 TIME_LAWS: tuple[TimeLaw, ...] = get_args(TimeLaw)
@@ -64,5 +64,4 @@ def progress_rates(
 
 def check_law(law: str) -> None:
     """Refuse an unknown law."""
-    if law not in TIME_LAWS:
-        raise InvalidInput(f"timing: must be one of {', '.join(TIME_LAWS)}, got {law!r}")
+    check_choice("timing:", law, TIME_LAWS)

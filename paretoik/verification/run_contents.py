@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import io
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,6 +12,7 @@ import numpy as np
 
 from paretoik.errors import InvalidRun
 from paretoik.run_files import MOTIONS, OPTIMA, RUN, TABLE, digest, read_plain_file, read_run
+from paretoik.stored_arrays import read_arrays, read_table
 from paretoik.verification.report import Check, demand
 
 TEXTS = ("status", "reason", "branch")  # columns of a table that hold no numbers
@@ -78,7 +78,7 @@ def read_contents(folder: Path) -> RunContents:
         checks.append(demand("digests", same, f"{name} does not match its digest in {RUN}: it was edited or cut"))
         try:
             if name.endswith(".npz"):
-                arrays[name] = _read_arrays(content)
+                arrays[name] = read_arrays(content)
             else:
                 table = _read_columns(content)
         except Exception as fault:  # whatever the parser trips over is the file's fault
@@ -89,10 +89,8 @@ def read_contents(folder: Path) -> RunContents:
 
 def _read_columns(content: bytes) -> dict[str, np.ndarray]:
     import pyarrow as pa
-    import pyarrow.parquet as pq
 
-    # Without a thread: those of read_table may abort the interpreter as it ends (apache/arrow#34314).
-    table = pq.ParquetFile(pa.BufferReader(content)).read(use_threads=False)
+    table = read_table(content)
     columns = {}
     for name in table.column_names:
         column = table.column(name)
@@ -103,8 +101,3 @@ def _read_columns(content: bytes) -> dict[str, np.ndarray]:
         else:
             columns[name] = np.array(["" if value is None else str(value) for value in column.to_pylist()])
     return columns
-
-
-def _read_arrays(content: bytes) -> dict[str, np.ndarray]:
-    with np.load(io.BytesIO(content), allow_pickle=False) as stored:
-        return {name: stored[name] for name in stored.files}

@@ -55,9 +55,9 @@ def test_what_is_no_front_or_label_is_refused(run, tmp_path):
     folder, front = run
     with pytest.raises(InvalidRun, match="wanted a plain file, got nothing"):
         pk.compare(folder, tmp_path)
-    with pytest.raises(InvalidInput, match="labels: wanted a list of them, got 'ab'"):
+    with pytest.raises(InvalidInput, match="labels: a list of them wanted, got 'ab'"):
         pk.compare(front, front, labels="ab")
-    with pytest.raises(InvalidInput, match="labels: wanted text, got 3"):
+    with pytest.raises(InvalidInput, match="labels: a list of them wanted, got 3"):
         pk.compare(front, front, labels=[3, 4])
     with pytest.raises(InvalidInput, match="wanted at least two fronts, got 0"):
         pk.compare()

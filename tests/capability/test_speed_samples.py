@@ -34,7 +34,7 @@ def test_errors_are_shares_of_the_true_speed_and_say_where():
         (lambda p, d, v: (p[:, :1], d[:, :1], v), "positions: two or three coordinates wanted, got 1"),
         (lambda p, d, v: (p, np.pad(d, ((0, 0), (0, 1))), v), "directions: 2 coordinates wanted, as positions have"),
         (lambda p, d, v: (p, 2 * d, v), "directions: unit vectors wanted, got length 2 at direction 0"),
-        (lambda p, d, v: ("here", d, v), "positions: a table of numbers wanted, got str"),
+        (lambda p, d, v: ("here", d, v), "positions: must hold real numbers, got text"),
         (lambda p, d, v: (p * np.nan, d, v), "positions: finite numbers wanted, got nan in row 0, column 0"),
         (lambda p, d, v: (p, d[[0, 0, 4]], v[:, :3]), "got 3 that determine 2 of its 3 numbers"),
         (lambda p, d, v: (p, d[[0, 3]], v[:, :2]), "directions: at least 3 wanted that determine an ellipsoid"),

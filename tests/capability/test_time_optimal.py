@@ -167,7 +167,7 @@ WRONG = {
     "tolerance: a finite number above 0": {"tolerance": -1e-3},
     "gain: must be finite": {"gain": np.nan},
     "gain: at most 1 / period": {"gain": 2000.0},
-    "formulation: one of midpoint, printed": {"formulation": "printd"},
+    "formulation must be one of midpoint, printed": {"formulation": "printd"},
 }
 
 

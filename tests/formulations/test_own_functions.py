@@ -219,9 +219,9 @@ def middling(motion):
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: way([lambda motion: 0.0]), "wants functions decorated with @objective"),
-        (lambda: way([], [effort]), "wants functions decorated with @constraint"),
-        (lambda: way(effort), "objectives: wants a list"),
+        (lambda: way([lambda motion: 0.0]), "a list of functions decorated with @objective"),
+        (lambda: way([], [effort]), "a list of functions decorated with @constraint"),
+        (lambda: way(effort), "objectives: a list of functions decorated with @objective wanted"),
         (lambda: way([effort, effort]), "objectives: names must differ, got effort, effort"),
         (lambda: way([pk.measures.duration]), "duration: a name other than duration, ends, joint limits, motors"),
         (lambda: way([misshapen]), r"objective misshapen \(integral\) must return shape \(4, 9\), got \(4, 9, 3\)"),
@@ -230,7 +230,7 @@ def middling(motion):
         (lambda: way([], energy=1.0), "energy: True or False wanted, got 1.0"),
         (lambda: posture([pk.kinetic_energy]), "kinetic_energy: a function of the posture wanted"),
         (lambda: posture([misshapen]), "objective misshapen"),
-        (lambda: posture([lambda motion: 0.0]), "wants functions decorated with @objective"),
+        (lambda: posture([lambda motion: 0.0]), "a list of functions decorated with @objective"),
     ],
 )
 def test_what_cannot_be_served_is_refused_by_name(make, message):

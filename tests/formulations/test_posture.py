@@ -132,8 +132,8 @@ def test_a_target_within_an_obstacle_is_said_with_the_limit():
 NOT_OF_A_POSTURE = {
     "limits: of position, torque and clearance wanted of a posture, got vel": {"limits": pk.Limits(velocity=1.0)},
     "limits: Limits wanted, got 3": {"limits": 3},
-    "objectives: wants functions decorated with @objective": {"objectives": [np.sin]},
-    "objectives: wants a list": {"objectives": bend},
+    "objectives: a list of functions decorated with @objective wanted, got <ufunc": {"objectives": [np.sin]},
+    "objectives: a list of functions decorated with @objective wanted, got Objective": {"objectives": bend},
     "names other than position_error wanted": {
         "objectives": [pk.objective(unit="m", form="general", name="position_error")(np.sum)]
     },

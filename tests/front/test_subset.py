@@ -55,7 +55,7 @@ def test_a_part_knows_the_largest_id_of_the_whole_in_its_run_too(front, tmp_path
         (lambda front: front.where(enrgy=(0, 1)), "wanted names among energy, reach, got 'enrgy'"),
         (lambda front: front.where(energy=0.5), r"wanted \(lower, upper\)"),
         (lambda front: front.where(energy=(2, 1)), "wanted lower <= upper"),
-        (lambda front: front.select("kne"), "by name 'knee', 'compromise' wanted, got 'kne'"),
+        (lambda front: front.select("kne"), "a preference wanted, by name 'knee', 'compromise', got 'kne'"),
     ],
 )
 def test_what_is_no_part_of_the_front_is_refused_in_one_line(front, ask, words):

@@ -179,5 +179,5 @@ def test_the_ending_says_the_format_where_nothing_else_does(tmp_path, file, kind
 def test_an_unknown_ending_or_format_is_refused(tmp_path):
     with pytest.raises(InvalidInput, match=r"a: a format of csv, .*, or an ending of \.csv, .* wanted, got neither"):
         find_format(tmp_path / "a", None)
-    with pytest.raises(InvalidInput, match=r"format: one of csv, parquet, .* wanted, got 'xml'"):
+    with pytest.raises(InvalidInput, match=r"format must be one of csv, parquet, .*, got 'xml'"):
         find_format(tmp_path / "a.csv", "xml")

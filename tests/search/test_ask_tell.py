@@ -87,8 +87,8 @@ def test_archived_points_are_what_was_asked_under_their_id():
         ([-1], 1, "ids: those asked, 0 to 5, wanted, got -1"),
         ([2, 2], 2, "ids: each told once wanted, got 2 again"),
         ([0], 1, "ids: each told once wanted, got 0 again"),
-        ([1.0], 1, "ids: a list of integers wanted, got float64"),
-        ([3, 4], 1, r"F: real numbers of shape \(2, 2\) wanted, got float64 of shape \(1, 2\)"),
+        ([1.0], 1, "ids: must hold integers, got float64"),
+        ([3, 4], 1, r"F: real numbers of shape \(2, 2\) wanted, got shape \(1, 2\)"),
     ],
 )
 def test_ids_that_are_unknown_or_repeated_are_refused_and_nothing_is_taken(ids, rows, message):
@@ -105,10 +105,10 @@ def test_ids_that_are_unknown_or_repeated_are_refused_and_nothing_is_taken(ids, 
 @pytest.mark.parametrize(
     ("F", "G", "message"),
     [
-        (np.zeros(4), np.zeros((4, 1)), r"F: .*\(4, 2\) wanted, got float64 of shape \(4,\)"),
+        (np.zeros(4), np.zeros((4, 1)), r"F: .*\(4, 2\) wanted, got shape \(4,\)"),
         (np.zeros((4, 2)), None, r"G: .*\(4, 1\) wanted, got nothing"),
-        (np.zeros((4, 2)), np.zeros((4, 2)), r"G: .*got float64 of shape \(4, 2\)"),
-        (np.zeros((4, 2), complex), np.zeros((4, 1)), "F: real numbers .* got complex128"),
+        (np.zeros((4, 2)), np.zeros((4, 2)), r"G: .*got shape \(4, 2\)"),
+        (np.zeros((4, 2), complex), np.zeros((4, 1)), "F: must hold real numbers, got complex128"),
         (None, np.zeros((4, 1)), "F: .*got nothing"),
     ],
 )

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from pymoo.core.problem import Problem
 
-from paretoik.errors import InvalidInput, check_size
+from paretoik.errors import InvalidInput
+from paretoik.inputs import check_size
 from paretoik.search.ask_tell import Search
 from paretoik.search.nsga2 import MaxiMinNSGA2
 from paretoik.search.seeding import seeded_population

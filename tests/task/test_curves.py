@@ -104,5 +104,5 @@ def test_rates_are_zero_at_the_ends_of_a_path_from_rest_to_rest(kind):
 
 
 def test_rates_outside_the_path_are_refused():
-    with pytest.raises(InvalidInput, match=r"time on the path: must lie in \[0, 0\.7\] s, got 0\.71"):
+    with pytest.raises(InvalidInput, match=r"path: time t: must lie in \[0, 0\.7\] s, got 0\.71"):
         EVERY_KIND["timed poses"].rates(np.array([0.1, 0.71]))

@@ -14,7 +14,7 @@ from paretoik.front.front import Choice, Front
 from paretoik.front.preference_options import OPTIONS
 from paretoik.front.preferences.named_numbers import named_numbers, named_text
 from paretoik.front.reason import list_words, percent, quantity
-from paretoik.front.subset import check_known
+from paretoik.front.subset import check_front, check_known
 from paretoik.front.ties import first_row
 
 
@@ -45,6 +45,7 @@ class Aspiration:
 
     def choose(self, front: Front) -> Choice:
         """Return the point with the least achievement function; raises InvalidInput where a name is no objective."""
+        check_front(front)
         check_known(front, "aspiration", self.values)
         axes = np.array([front.names.index(name) for name in self.values])
         wishes = np.full(len(front.names), np.nan)

@@ -14,7 +14,7 @@ from paretoik.errors import Infeasible
 from paretoik.front.choice import Preference
 from paretoik.front.front import Choice, Front
 from paretoik.front.reason import list_words, percent
-from paretoik.front.subset import Bound, bounds_by_axis, inside, merge_bounds, row_of, take
+from paretoik.front.subset import Bound, bounds_by_axis, check_front, inside, merge_bounds, row_of, take
 from paretoik.front.ties import first_row
 
 
@@ -44,7 +44,7 @@ class Bounds:
         from paretoik.front.preferences.requests import as_preference
 
         object.__setattr__(self, "bounds", MappingProxyType(merge_bounds("bounds", mapping, bounds)))
-        object.__setattr__(self, "then", as_preference(then))
+        object.__setattr__(self, "then", as_preference(then, name="then"))
 
     def __repr__(self) -> str:
         return f"Bounds({dict(self.bounds)}, then={self.then!r})"
@@ -54,6 +54,7 @@ class Bounds:
 
         Raises InvalidInput where a name is no objective, and Infeasible where no point keeps the bounds.
         """
+        check_front(front)
         from paretoik.front.preferences.requests import ask
 
         limits = bounds_by_axis(front, self.bounds)

@@ -15,8 +15,9 @@ from paretoik.front.front import Choice, Front
 from paretoik.front.preference_options import OPTIONS
 from paretoik.front.preferences.named_numbers import named_numbers
 from paretoik.front.reason import amounts_in_words, list_words
-from paretoik.front.subset import check_known, row_of
+from paretoik.front.subset import check_front, check_known, row_of
 from paretoik.front.ties import first_row
+from paretoik.inputs import is_integer, read_list, shown
 
 
 @dataclass(frozen=True, init=False, eq=False)
@@ -56,11 +57,11 @@ class Classify:
         free: Sequence[str] = (),
     ) -> None:
         assign = object.__setattr__
-        assign(self, "current", current.id if isinstance(current, Choice) else current)
+        if not isinstance(current, Choice) and not is_integer(current):
+            raise InvalidInput(f"current: a choice or an id wanted, got {shown(current)}")
+        assign(self, "current", current.id if isinstance(current, Choice) else int(current))
         for field, names in (("improve", improve), ("keep", keep), ("free", free)):
-            if isinstance(names, str) or not all(isinstance(name, str) for name in names):
-                raise InvalidInput(f"classify {field}: a list of names wanted, got {names!r}")
-            assign(self, field, tuple(names))
+            assign(self, field, read_list(f"classify {field}", names, str, "a list of names"))
         for field, values in (("improve_to", improve_to), ("relax_to", relax_to)):
             assign(self, field, MappingProxyType(dict(named_numbers(f"classify {field}", values, {}))))
         names = [name for _, name in self._classes()]
@@ -68,7 +69,7 @@ class Classify:
         if twice:
             raise InvalidInput(f"classify: wanted each objective in one class, got {twice[0]} in several")
         if not self.improve and not self.improve_to:
-            raise InvalidInput("classify: wanted an objective to improve, got none")
+            raise InvalidInput("classify: wanted an objective to improve, or to improve_to a value, got none")
         if not self.relax_to and not self.free:
             raise InvalidInput("classify: wanted an objective that may get worse (relax_to or free), got none")
 
@@ -80,6 +81,7 @@ class Classify:
 
     def choose(self, front: Front) -> Choice:
         """Return the best point that keeps to the classes; raises InvalidInput where these do not suit the front."""
+        check_front(front)
         start = row_of(front, self.current, name="classify")
         check_known(front, "classify", [name for _, name in self._classes()])
         missing = set(front.names) - {name for _, name in self._classes()}

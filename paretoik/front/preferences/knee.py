@@ -11,6 +11,7 @@ from paretoik.errors import InvalidInput
 from paretoik.front.front import Choice, Front
 from paretoik.front.preference_options import OPTIONS
 from paretoik.front.reason import percent, subject
+from paretoik.front.subset import check_front
 from paretoik.front.ties import first_row
 
 
@@ -32,6 +33,7 @@ class Knee:
 
     def choose(self, front: Front) -> Choice:
         """Return the knee; raises InvalidInput where there is none."""
+        check_front(front)
         if len(front.names) == 1:
             raise InvalidInput("knee: wanted two objectives or more, got one, whose best point is the answer")
         best = (front.shares <= front.shares.min(axis=0) + OPTIONS.rounding).all(axis=1)

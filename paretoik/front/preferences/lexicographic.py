@@ -12,8 +12,9 @@ from paretoik.errors import InvalidInput
 from paretoik.front.front import Choice, Front
 from paretoik.front.preference_options import OPTIONS
 from paretoik.front.preferences.named_numbers import named_numbers
-from paretoik.front.subset import check_known
+from paretoik.front.subset import check_front, check_known
 from paretoik.front.ties import first_row
+from paretoik.inputs import shown
 
 
 @dataclass(frozen=True, init=False, eq=False)
@@ -43,20 +44,24 @@ class Lexicographic:
     ) -> None:
         if not order or not all(isinstance(name, str) for name in order):
             raise InvalidInput(
-                f"lexicographic: names of objectives wanted, the first the most important, got {order!r}"
+                f"lexicographic: names of objectives wanted, the first the most important, got {shown(order)}"
             )
         twice = [name for name in order if order.count(name) > 1]
         if twice:
             raise InvalidInput(f"lexicographic: wanted each objective once, got {twice[0]} twice")
         amounts, shares = (
             named_numbers(
-                "lexicographic", each, {}, accept=lambda size: 0.0 <= size < np.inf, requirement="a tolerance >= 0"
+                f"lexicographic {field}",
+                each,
+                {},
+                accept=lambda size: 0.0 <= size < np.inf,
+                requirement="a tolerance >= 0",
             )
-            for each in (tolerances, tolerance_shares)
+            for field, each in (("tolerances", tolerances), ("tolerance_shares", tolerance_shares))
         )
-        for name in [*amounts, *shares]:
-            if name not in order:
-                raise InvalidInput(f"lexicographic: wanted tolerances of {', '.join(order)}, got {name!r}")
+        for field, named in (("tolerances", amounts), ("tolerance_shares", shares)):
+            for name in named.keys() - set(order):
+                raise InvalidInput(f"lexicographic {field}: wanted those of {', '.join(order)}, got {shown(name)}")
         both = [name for name in amounts if name in shares]
         if both:
             raise InvalidInput(
@@ -75,6 +80,7 @@ class Lexicographic:
 
     def choose(self, front: Front) -> Choice:
         """Return the point that the order leads to; raises InvalidInput where a name is no objective."""
+        check_front(front)
         check_known(front, "lexicographic", self.order)
         among, words, remaining = np.ones(len(front), dtype=bool), [], {}
         for name in self.order:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import reprlib
 from collections.abc import Callable, Mapping
 from numbers import Real
 from types import MappingProxyType
@@ -10,6 +9,7 @@ from types import MappingProxyType
 import numpy as np
 
 from paretoik.errors import InvalidInput
+from paretoik.inputs import check_mapping, shown
 
 
 def named_numbers(
@@ -21,8 +21,8 @@ def named_numbers(
     requirement: str = "a finite number",
 ) -> Mapping[str, float]:
     """Return numbers by objective, read-only; raises InvalidInput for what is none, and names that come twice."""
-    if not isinstance(mapping, Mapping | None):
-        raise InvalidInput(f"{kind}: numbers by objective wanted, such as {{'energy': 0.3}}, got {mapping!r}")
+    if mapping is not None:
+        check_mapping(kind, mapping, "numbers by objective", example="{'energy': 0.3}")
     merged = dict(mapping or {})
     twice = sorted(merged.keys() & keywords.keys())
     if twice:
@@ -30,7 +30,7 @@ def named_numbers(
     merged.update(keywords)
     for name, value in merged.items():
         if not _is_number(value) or not accept(float(value)):
-            raise InvalidInput(f"{kind}: wanted {requirement} for {name}, got {reprlib.repr(value)}")
+            raise InvalidInput(f"{kind}: wanted {requirement} for {name}, got {shown(value)}")
     return MappingProxyType({name: float(value) for name, value in merged.items()})
 
 
@@ -42,6 +42,6 @@ def named_text(numbers: Mapping[str, float]) -> str:
 
 def _is_number(value: object) -> bool:
     try:
-        return isinstance(value, Real) and not np.isnan(float(value))
+        return not isinstance(value, bool) and isinstance(value, Real) and not np.isnan(float(value))
     except OverflowError:
         return False

@@ -16,5 +16,5 @@ class Point:
 
     def choose(self, front: Front) -> Choice:
         """Return the point; raises InvalidInput where the front does not have it."""
-        row = row_of(front, self.point, name="point")
+        row = row_of(front, self.point, name="select: point")
         return front.choice(row, f"Point {front.ids[row]} of {len(front)} was picked by its id.", preference=self)

@@ -9,18 +9,19 @@ from typing import Any
 import numpy as np
 
 from paretoik.errors import InvalidInput
-from paretoik.front.choice import Choice, Preference
+from paretoik.front.choice import Choice, Preference, is_preference
 from paretoik.front.compromise import Compromise
 from paretoik.front.front import Front
 from paretoik.front.preferences.knee import Knee
 from paretoik.front.preferences.point import Point
 from paretoik.front.preferences.weights import Weights
+from paretoik.inputs import is_integer, shown
 from paretoik.user_functions import user_function
 
 BY_NAME: dict[str, Callable[[], Preference]] = {"knee": Knee, "compromise": Compromise}  # those that need no numbers
 
 
-def as_preference(wish: Any) -> Preference:
+def as_preference(wish: Any, *, name: str = "select") -> Preference:
     """Return what a user asks for as a preference: one itself, its name, weights by objective, or the id of a point.
 
     Raises InvalidInput, with what works, for anything else.
@@ -29,16 +30,16 @@ def as_preference(wish: Any) -> Preference:
         if wish in BY_NAME:
             return BY_NAME[wish]()
         raise InvalidInput(
-            f"select: by name {', '.join(map(repr, BY_NAME))} wanted, got {wish!r}; other preferences take numbers or "
-            "names, such as Weights(energy=1.0), Aspiration, Lexicographic, Bounds, Robust, Classify"
+            f"{name}: a preference wanted, by name {', '.join(map(repr, BY_NAME))}, got {shown(wish)}; others take "
+            "numbers or names, such as Weights(energy=1.0), Aspiration, Lexicographic, Bounds, Robust, Classify"
         )
     if isinstance(wish, Mapping):
         return Weights(wish)
-    if isinstance(wish, int | np.integer) and not isinstance(wish, bool):
+    if is_integer(wish):
         return Point(int(wish))
-    if isinstance(wish, Preference) and not isinstance(wish, type):
+    if is_preference(wish):
         return wish
-    raise InvalidInput(f"select: a preference wanted, such as Weights(...), got {wish!r}")
+    raise InvalidInput(f"{name}: a preference wanted, such as Weights(...), got {shown(wish)}")
 
 
 def ask(preference: Preference, front: Front) -> Choice:
@@ -50,7 +51,7 @@ def ask(preference: Preference, front: Front) -> Choice:
     with user_function(f"select: {kind}", InvalidInput):
         choice: object = preference.choose(front)
     if not isinstance(choice, Choice):
-        raise InvalidInput(f"select: wanted of {kind} a choice, front.choice(row, verdict), got {choice!r}")
+        raise InvalidInput(f"select: wanted of {kind} a choice, front.choice(row, verdict), got {shown(choice)}")
     rows = np.flatnonzero(front.ids == choice.id)
     if rows.tolist() != [choice.index] or not np.array_equal(front.objectives[rows[0]], choice.objectives):
         raise InvalidInput(

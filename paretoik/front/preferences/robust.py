@@ -14,8 +14,9 @@ from paretoik.front.front import Choice, Front
 from paretoik.front.preferences.named_numbers import named_text
 from paretoik.front.preferences.weights import check_weights, weights_by_axis, weights_in_words
 from paretoik.front.reason import subject
+from paretoik.front.subset import check_front
 from paretoik.front.ties import first_row
-from paretoik.inputs import finite_number
+from paretoik.inputs import finite_number, shown
 
 
 @dataclass(frozen=True, init=False, eq=False)
@@ -38,7 +39,7 @@ class Robust:
     ) -> None:
         number = finite_number("robust uncertainty", uncertainty)
         if not 0 <= number <= 1:
-            raise InvalidInput(f"robust uncertainty: wanted a share from 0 to 1, got {uncertainty!r}")
+            raise InvalidInput(f"robust uncertainty: wanted a share from 0 to 1, got {shown(uncertainty)}")
         object.__setattr__(self, "weights", check_weights("robust", mapping, weights))
         object.__setattr__(self, "uncertainty", number)
 
@@ -47,6 +48,7 @@ class Robust:
 
     def choose(self, front: Front) -> Choice:
         """Return the point with the least largest regret; raises InvalidInput where a weight names no objective."""
+        check_front(front)
         weights = weights_by_axis(front, self.weights, "robust")
         regrets, rivals = _largest_regrets(front.shares, weights, self.uncertainty)
         row = first_row(front, regrets)

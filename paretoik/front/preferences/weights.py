@@ -13,8 +13,9 @@ from paretoik.front.explanation import compare_neighbours
 from paretoik.front.front import Choice, Front
 from paretoik.front.preferences.named_numbers import named_numbers, named_text
 from paretoik.front.reason import list_words, subject
-from paretoik.front.subset import check_known
+from paretoik.front.subset import check_front, check_known
 from paretoik.front.ties import first_row
+from paretoik.inputs import shown
 
 
 @dataclass(frozen=True, init=False, eq=False)
@@ -42,6 +43,7 @@ class Weights:
 
     def choose(self, front: Front) -> Choice:
         """Return the point with the smallest weighted sum; raises InvalidInput where a weight names no objective."""
+        check_front(front)
         weights = weights_by_axis(front, self.weights, "weights")
         sums = front.shares @ weights
         row = first_row(front, sums)
@@ -65,7 +67,7 @@ def check_weights(kind: str, mapping: Mapping[str, float] | None, keywords: Mapp
         kind, mapping, keywords, accept=lambda weight: 0.0 <= weight < np.inf, requirement="a finite number >= 0"
     )
     if not any(weights.values()):
-        raise InvalidInput(f"{kind}: wanted at least one above zero, got {dict(weights)}")
+        raise InvalidInput(f"{kind}: wanted at least one above zero, got {shown(dict(weights))}")
     return weights
 
 

@@ -14,13 +14,13 @@ import numpy as np
 import rerun as rr
 
 from paretoik.arrays import Ids
-from paretoik.errors import Infeasible, InvalidInput, ParetoikError, check_size
+from paretoik.errors import Infeasible, InvalidInput, ParetoikError
 from paretoik.front.choices import chosen
 from paretoik.front.compromise import compromise
 from paretoik.front.front import Choice, Front
 from paretoik.front.prediction import Prediction
 from paretoik.front.provenance import NAVIGATIONS
-from paretoik.inputs import check_function
+from paretoik.inputs import check_function, check_size, shown
 from paretoik.review.drawing.choice_layer import ROOTS, ChoiceLayer
 from paretoik.review.drawing.motion_scene import motion_frames
 from paretoik.review.drawing.parallel_axes import drawn_rows
@@ -89,7 +89,7 @@ class FrontView:
         Raises InvalidInput for what cannot be called.
         """
         if not callable(callback):
-            raise InvalidInput(f"on_select: a function wanted, got {callback!r}")
+            raise InvalidInput(f"on_select: a function wanted, got {shown(callback)}")
         self._callbacks.append(callback)
 
     def show(self, point: int | Choice) -> None:
@@ -195,7 +195,7 @@ def open_view(
 ) -> FrontView:
     """Return the view that ``front.view`` promises."""
     for name, size in {"width": width, "height": height}.items():
-        if size != "auto":
+        if not (isinstance(size, str) and size == "auto"):
             check_size(name, size, 1)
     check_function("on_select", on_select)
     for package in PACKAGES:

@@ -1,0 +1,210 @@
+"""Every public function, constructor and method, with the kinds of values that each of its arguments takes.
+
+All of it is read from the public names, their signatures and annotations, so that a new argument is there the day it is
+written. Left out are what formulations offer to the verbs (methods that take genes and programs, not what a user has),
+and what a namespace merely imports.
+"""
+
+from __future__ import annotations
+
+import collections.abc
+import inspect
+import pathlib
+import re
+import sys
+import types
+import typing
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+import paretoik
+
+Kind = Literal[
+    "number", "size", "flag", "text", "choice", "path", "array", "sequence", "mapping", "function", "instance",
+    "anything", "nothing",
+]  # fmt: skip
+PLAIN: dict[str, Kind] = {
+    "float": "number",
+    "Number": "number",
+    "int": "size",
+    "bool": "flag",
+    "str": "text",
+    "None": "nothing",
+    "Any": "anything",
+    "object": "anything",
+    "ArrayLike": "array",
+}
+GENERIC: dict[str, Kind] = {
+    "Literal": "choice",
+    "Callable": "function",
+    "Mapping": "mapping",
+    "Sequence": "sequence",
+    "Iterable": "sequence",
+    "Collection": "sequence",
+    "tuple": "sequence",
+}
+SEAM = ("formulations", "capability", "resolution", "closed_loop", "task.task")
+"""Where methods are what packages of the library offer each other; their constructors are public all the same."""
+
+RESULTS = frozenset(
+    {"Arm", "AxesEllipses", "Choice", "FastestPath", "FitErrors", "PerformancePolygon", "Plan", "PolynomialEllipsoids"}
+    | {"ResolvedMotion", "TimeOptimalRun"}
+)
+"""Classes that functions of the library make and return; what is given is checked there."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Argument:
+    """An argument by name and the kinds of values that it takes; ``star`` says that any number of them come.
+
+    Users do not write the name of one that ``is_unnamed``.
+    """
+
+    name: str
+    kinds: frozenset[Kind]
+    star: Literal["", "*", "**"] = ""
+    is_required: bool = False
+    is_unnamed: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Surface:
+    """A callable that users call, by its public name; methods are of the ``owner``."""
+
+    name: str
+    owner: type | None
+    method: str
+    function: Callable[..., Any]
+    arguments: tuple[Argument, ...]
+
+
+def surfaces() -> list[Surface]:
+    """Return all public callables that take an argument, each once."""
+    found: dict[object, Surface] = {}
+    for name in sorted(dir(paretoik)):
+        item = getattr(paretoik, name)
+        for public, each in _members(name, item) if inspect.ismodule(item) else [(name, item)]:
+            for surface in _callables(public, each):
+                found.setdefault(inspect.unwrap(surface.function), surface)
+    return list(found.values())
+
+
+def _members(name: str, module: types.ModuleType) -> Iterator[tuple[str, object]]:
+    package = module.__name__ if hasattr(module, "__path__") else module.__name__.rpartition(".")[0]
+    for member in dir(module):
+        item = getattr(module, member)
+        home = str(getattr(item, "__module__", ""))
+        is_own = home == module.__name__ or hasattr(module, "__path__") or inspect.isclass(item)
+        if not member.startswith("_") and is_own and home.startswith(f"{package}."):
+            yield f"{name}.{member}", item
+
+
+def _callables(name: str, item: Any) -> Iterator[Surface]:
+    if inspect.isclass(item):
+        is_made = item.__name__ not in RESULTS and not issubclass(item, Exception) and not _is_protocol(item)
+        if is_made and item.__init__ is not object.__init__:
+            yield from _surface(name, None, "", item, skip=0)
+        if not item.__module__.removeprefix("paretoik.").startswith(SEAM) and not _is_protocol(item):
+            yield from _methods(name, item)
+    elif callable(item):
+        yield from _surface(name, None, "", item, skip=0)
+
+
+def _methods(name: str, owner: type) -> Iterator[Surface]:
+    for method, item in inspect.getmembers(owner):
+        function = getattr(item, "__func__", item)
+        if method.startswith("_") or not inspect.isfunction(function) or not function.__module__.startswith("paretoik"):
+            continue
+        bound = isinstance(inspect.getattr_static(owner, method), types.FunctionType)
+        yield from _surface(f"{name}.{method}", owner if bound else None, method, item, skip=int(bound))
+
+
+def _surface(
+    name: str, owner: type | None, method: str, function: Callable[..., Any], *, skip: int
+) -> Iterator[Surface]:
+    try:
+        parameters = list(inspect.signature(function).parameters.values())[skip:]
+    except ValueError:  # of errors that take any text
+        return
+    arguments = tuple(_argument(parameter, _scope(function)) for parameter in parameters)
+    if arguments:
+        yield Surface(name=name, owner=owner, method=method, function=function, arguments=arguments)
+
+
+def _argument(parameter: inspect.Parameter, scope: dict[str, Any]) -> Argument:
+    stars: dict[object, Literal["*", "**"]] = {parameter.VAR_POSITIONAL: "*", parameter.VAR_KEYWORD: "**"}
+    star: Literal["", "*", "**"] = stars.get(parameter.kind, "")
+    return Argument(
+        name=parameter.name,
+        kinds=frozenset(_kinds(parameter.annotation, scope) | ({"nothing"} if parameter.default is None else set())),
+        star=star,
+        is_unnamed=parameter.kind in (parameter.POSITIONAL_ONLY, parameter.VAR_POSITIONAL),
+        is_required=parameter.default is parameter.empty and not star,
+    )
+
+
+def _scope(function: Callable[..., Any]) -> dict[str, Any]:
+    home = function if inspect.isclass(function) else inspect.unwrap(function)
+    return vars(sys.modules[getattr(home, "__module__", type(function).__module__)])
+
+
+def _kinds(annotation: Any, scope: dict[str, Any]) -> set[Kind]:
+    """Return the kinds of values that an annotation, as it is written, allows."""
+    if not isinstance(annotation, str):
+        return _kinds_of(annotation, scope)
+    parts = _alternatives(annotation.strip())
+    kinds = set().union(*(_kind(part, scope) for part in parts))
+    return kinds - {"text"} if "path" in kinds else kinds
+
+
+def _kind(text: str, scope: dict[str, Any]) -> set[Kind]:
+    name = re.split(r"\[", text)[0]
+    if text in PLAIN:
+        return {PLAIN[text]}
+    if name in GENERIC:
+        return {GENERIC[name]}
+    return _kinds_of(scope.get(name.split(".")[0]), scope) if name != "np.ndarray" else {"array"}
+
+
+def _kinds_of(item: Any, scope: dict[str, Any]) -> set[Kind]:
+    """Return the kinds of an annotation that is an object: an alias, a class, a shape."""
+    origin = typing.get_origin(item)
+    if isinstance(item, str):
+        return _kinds(item, scope)
+    if origin in (typing.Union, types.UnionType):
+        return set().union(*(_kinds_of(part, scope) for part in typing.get_args(item)))
+    if origin is Literal:
+        return {"choice"}
+    if origin is collections.abc.Callable:
+        return {"function"}
+    if origin in (collections.abc.Sequence, tuple):
+        return {"sequence"}
+    if item is type(None):
+        return {"nothing"}
+    if item is object:
+        return {"anything"}
+    plain = {float: "number", int: "size", bool: "flag", str: "text", np.ndarray: "array", pathlib.Path: "path"}
+    if inspect.isclass(item) and item in plain:
+        return {plain[item]}  # type: ignore[arg-type]
+    if getattr(item, "__module__", "").startswith("jaxtyping") or hasattr(item, "array_type"):
+        return {"array"}
+    return {"instance"}
+
+
+def _is_protocol(item: type) -> bool:
+    return bool(getattr(item, "_is_protocol", False))
+
+
+def _alternatives(text: str) -> list[str]:
+    """Return the parts of a union, as they are written."""
+    parts, depth = [""], 0
+    for letter in text:
+        depth += (letter in "[(") - (letter in "])")
+        if letter == "|" and depth == 0:
+            parts.append("")
+        else:
+            parts[-1] += letter
+    return [part.strip() for part in parts]
