@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Iterable
+from difflib import get_close_matches
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,6 +17,8 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike as ArrayLike
 else:
     ArrayLike = object  # arguments are checked by value here, and refused with our own errors
+
+LARGEST_ANGLE = 4 * np.pi  # [rad] two turns: no joint of a robot on sale turns further, 90° taken for radians does
 
 
 def real_array(name: str, value: object) -> np.ndarray:
@@ -56,6 +61,27 @@ def positive_number(name: str, value: float, unit: str) -> float:
     if number <= 0:
         raise InvalidInput(f"{name}: must be positive, got {number:g} {unit}")
     return number
+
+
+def likely_spelling(name: object, names: Iterable[str]) -> str:
+    """Return a question for the one of ``names`` that is spelt much like ``name``; "" where none is."""
+    near = get_close_matches(str(name), list(names), n=1)
+    return f"; did you mean {near[0]!r}?" if near else ""
+
+
+def degrees_hint(angles: ArrayLike) -> str:
+    """Return that radians are wanted, where the largest of ``angles`` [rad] is more than two turns; else ""."""
+    sizes = np.abs(np.asarray(angles, dtype=float))
+    largest = float(np.max(sizes[np.isfinite(sizes)], initial=0.0))
+    if largest <= LARGEST_ANGLE:
+        return ""
+    return f"{largest:g} rad is {largest / (2 * np.pi):.3g} turns; of degrees, np.deg2rad makes radians"
+
+
+def warn_of_degrees(name: str, angles: ArrayLike) -> None:
+    """Warn, by ``name``, of angles [rad] so large that they are probably degrees."""
+    if hint := degrees_hint(angles):
+        warnings.warn(f"{name}: {hint}", RuntimeWarning, stacklevel=3)
 
 
 def file_path(name: str, value: object) -> Path:

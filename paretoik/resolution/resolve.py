@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.errors import EvaluationFailed, Infeasible, InvalidInput, check_size
-from paretoik.inputs import finite_array
+from paretoik.inputs import degrees_hint, finite_array
 from paretoik.resolution.constrained import ConstrainedTraces
 from paretoik.resolution.follow import follow
 from paretoik.resolution.methods import ConstrainedQP, Criterion, Method, VelocityMethod
@@ -154,9 +154,10 @@ def _check_tracking(task: MotionTask, motion: ResolvedMotion, tolerance: float) 
     index = np.unravel_index(i, motion.q.shape[:-2])
     name = f"motion {', '.join(str(int(k)) for k in index)}: " if index else ""
     if sample == 0:
+        hint = degrees_hint(q[task.arm.periodic])
         raise InvalidInput(
             f"resolve: {name}start is {errors[i, 0]:.3g} m (or rad) off the path's first sample; wants at most "
-            f'{tolerance:g}, or unreachable="track"'
+            f'{tolerance:g}, or unreachable="track"{f"; {hint}" if hint else ""}'
         )
     distance = f"{errors[i, sample]:.3g} m or rad off the path"
     cause = LOST_STEPS[str(status[i, sample - 1])] if broken[i, sample] else distance

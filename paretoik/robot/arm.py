@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from paretoik.arrays import Jacobians, Vector3, read_only
 from paretoik.errors import InvalidInput
-from paretoik.inputs import ArrayLike, file_path, finite_array
+from paretoik.inputs import ArrayLike, file_path, finite_array, likely_spelling
 from paretoik.robot.arm_inputs import body_tuple, limit_rows, number_array, symmetric_limits
 from paretoik.robot.body import Body, combine_bodies, transform_body
 from paretoik.robot.denavit_hartenberg import joint_placements
@@ -290,7 +290,8 @@ class Arm:
             **{link: frame for link, frame in self.frames.items() if link not in ("tool", "base")},
         }
         if name not in frames:
-            raise InvalidInput(f"frame {name!r} is not on {self.name}; its frames: {', '.join(frames)}")
+            hint = likely_spelling(name, frames)
+            raise InvalidInput(f"frame {name!r} is not on {self.name}; its frames: {', '.join(frames)}{hint}")
         return frames[name]
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.errors import InvalidInput
-from paretoik.inputs import ArrayLike, finite_array
+from paretoik.inputs import ArrayLike, finite_array, warn_of_degrees
 
 UNIT_TOLERANCE = 1e-6  # a quaternion or a rotation matrix this near to orthonormal is normalised
 
@@ -70,6 +70,7 @@ class Pose:
     def from_rpy(cls, position: ArrayLike, rpy: ArrayLike) -> Pose:
         """Pose from roll, pitch and yaw [rad] about the fixed axes x, y, z in this order, as URDF writes it."""
         roll, pitch, yaw = finite_array("pose rpy", rpy, shape=(3,)) / 2
+        warn_of_degrees("pose rpy", rpy)
         about_x = np.array([np.cos(roll), np.sin(roll), 0.0, 0.0])
         about_y = np.array([np.cos(pitch), 0.0, np.sin(pitch), 0.0])
         about_z = np.array([np.cos(yaw), 0.0, 0.0, np.sin(yaw)])
@@ -79,6 +80,7 @@ class Pose:
     def planar(cls, x: float, y: float, angle: float = 0.0) -> Pose:
         """Pose in the xy-plane: position (x, y) [m], rotated by ``angle`` [rad] about +z."""
         half = float(finite_array("pose angle", angle, shape=())) / 2
+        warn_of_degrees("pose angle", angle)
         return cls((x, y, 0.0), (np.cos(half), 0.0, 0.0, np.sin(half)))
 
     def __len__(self) -> int:

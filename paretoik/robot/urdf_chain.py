@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from paretoik.errors import InvalidInput
-from paretoik.inputs import finite_number
+from paretoik.inputs import finite_number, likely_spelling
 from paretoik.robot.arm import JOINT_TYPES
 from paretoik.robot.urdf_description import JointDescription, RobotDescription
 
@@ -77,7 +77,8 @@ def find_zero_limits(chain: Chain) -> list[str]:
 def _ends(source: str, robot: RobotDescription, base: str | None, tip: str | None) -> tuple[str, str]:
     for name, link in (("base", base), ("tip", tip)):
         if link is not None and link not in robot.links:
-            raise InvalidInput(f"{source}: {name} {link!r} is not a link; links: {', '.join(robot.links)}")
+            links = f"{', '.join(robot.links)}{likely_spelling(link, robot.links)}"
+            raise InvalidInput(f"{source}: {name} {link!r} is not a link; links: {links}")
     if tip is None and len(robot.leaves) > 1:
         raise InvalidInput(f"{source}: several leaves, name one as tip: {', '.join(robot.leaves)}")
     return base or robot.roots[0], tip or robot.leaves[0]

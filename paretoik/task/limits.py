@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.errors import InvalidInput
-from paretoik.inputs import finite_number, real_array
+from paretoik.inputs import finite_number, likely_spelling, real_array
 from paretoik.robot.arm import Arm
 from paretoik.robot.scales import characteristic_length, joint_scales
 from paretoik.task.motion import Motion
@@ -205,7 +205,7 @@ def _side(kind: str, values: object, arm: Arm, samples: int) -> np.ndarray:
     if array.shape not in ((), (arm.dof,), (samples, arm.dof)):
         raise InvalidInput(
             f"{kind} limit wants one number, {arm.dof} (one a joint) or an array ({samples}, {arm.dof}), got shape "
-            f"{array.shape}"
+            f"{array.shape}; a lower and an upper limit are a tuple (lower, upper) of these"
         )
     return np.broadcast_to(array, (max(1, len(array) if array.ndim == 2 else 1), arm.dof))
 
@@ -214,9 +214,8 @@ def _by_name(kind: str, limits: Mapping[str, Any], declared: np.ndarray, arm: Ar
     bounds = declared.copy()
     for joint, value in limits.items():
         if joint not in arm.joint_names:
-            raise InvalidInput(
-                f"{kind} limit: no joint {joint!r} on {arm.name}; its joints: {', '.join(arm.joint_names)}"
-            )
+            joints = f"{', '.join(arm.joint_names)}{likely_spelling(joint, arm.joint_names)}"
+            raise InvalidInput(f"{kind} limit: no joint {joint!r} on {arm.name}; its joints: {joints}")
         try:
             low, high = (float(side) for side in (value if isinstance(value, tuple) else (-value, value)))
         except (TypeError, ValueError):

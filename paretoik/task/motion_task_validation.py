@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from paretoik.errors import InvalidInput
-from paretoik.inputs import finite_array
+from paretoik.inputs import degrees_hint, finite_array
 from paretoik.robot.arm import Arm
+from paretoik.robot.scales import characteristic_length
 from paretoik.task.differences import Differences
 from paretoik.task.limits import Constraint, Limits
 from paretoik.task.motion_task import MotionTask
@@ -44,7 +45,10 @@ def motion_task(
     """
     if not isinstance(arm, Arm):
         raise InvalidInput(f"arm: an Arm wanted, such as pk.arms.tringali_3r() or Arm.from_urdf(...), got {arm!r}")
-    followed = tuple(_as_task(one).resolve_axes(arm) for one in (tasks if isinstance(tasks, Sequence) else [tasks]))
+    given = [_as_task(one) for one in (tasks if isinstance(tasks, Sequence) else [tasks])]
+    followed = tuple(one.resolve_axes(arm) for one in given)
+    for one in given:
+        _check_height(arm, one)
     _check_tasks(arm, followed, redundant)
     _check_objectives_and_limits(objectives, constraints, limits)
     _check_obstacles(obstacles, link_radius)
@@ -88,6 +92,23 @@ def _as_task(value: object) -> Task:
     return Task(value) if isinstance(value, Path) else value
 
 
+def _check_height(arm: Arm, task: Task) -> None:
+    """Raise InvalidInput where 3-D points leave the plane of a planar arm: without axes, nothing would follow their z.
+
+    Poses are left alone: ``Pose.planar`` puts all of them at z = 0.
+    """
+    points = task.path.positions
+    if not arm.is_planar or task.axes is not None or task.path.quaternions is not None or points.shape[1] == 2:
+        return
+    height = arm.pose(np.zeros(arm.dof), frame=task.frame).position[2]
+    off = points[:, 2] - height
+    if np.abs(off).max() > START_TOLERANCE * characteristic_length(arm):
+        raise InvalidInput(
+            f"path: points in the plane z = {height:.6g} m of {arm.name} wanted, or axes='xy', got one "
+            f"{off[np.abs(off).argmax()]:.3g} m off it"
+        )
+
+
 def _check_tasks(arm: Arm, tasks: tuple[Task, ...], redundant: bool) -> None:
     if not tasks:
         raise InvalidInput("wants at least one path or task, got none")
@@ -124,7 +145,8 @@ def _check_decorated(kind: str, members: Sequence[Objective] | Sequence[Constrai
         raise InvalidInput(f"{kind}s: wants a list, got {members!r}")
     for member in members:
         if not isinstance(member, required):
-            raise InvalidInput(f"{kind}s: wants functions decorated with @{kind}, got {member!r}")
+            library = "; the library's are pk.kinetic_energy and others" if required is Objective else ""
+            raise InvalidInput(f"{kind}s: wants functions decorated with @{kind}, got {member!r}{library}")
     names = [member.name for member in members]
     if len(set(names)) != len(names):
         raise InvalidInput(f"{kind}s: names must differ, got {', '.join(names)}")
@@ -185,6 +207,11 @@ def _start_posture(arm: Arm, start: object) -> np.ndarray:
     return q
 
 
+def _reason_of_degrees(arm: Arm, start: np.ndarray) -> str:
+    hint = degrees_hint(start[arm.periodic])
+    return hint and f"; {hint}"
+
+
 def _check_start(task: MotionTask, start: np.ndarray) -> None:
     error, scales = (
         np.abs(task_errors(task.arm, task.tasks, start, task.targets[0])[0]),
@@ -194,7 +221,7 @@ def _check_start(task: MotionTask, start: np.ndarray) -> None:
     if error[worst] > START_TOLERANCE * scales[worst]:
         raise InvalidInput(
             f"start is {error[worst]:.3g} m (or rad) off the path's first sample; wants at most "
-            f"{START_TOLERANCE * scales[worst]:.3g}"
+            f"{START_TOLERANCE * scales[worst]:.3g}{_reason_of_degrees(task.arm, start)}"
         )
     if "position" in task.bounds:
         lower, upper = task.bounds["position"][0].T
