@@ -7,8 +7,10 @@ message, whatever its own text is.
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from difflib import get_close_matches
 from numbers import Integral
 from os import PathLike
 from pathlib import Path
@@ -25,6 +27,8 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike as ArrayLike
 else:
     ArrayLike = object  # arguments are checked by value here, and refused with our own errors
+
+LARGEST_ANGLE = 4 * np.pi  # [rad] two turns: no joint of a robot on sale turns further, 90° taken for radians does
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,6 +155,27 @@ def _check_integer(name: str, value: object, minimum: int, maximum: int) -> None
         raise InvalidInput(f"{name}: an integer of at least {minimum} wanted, got {shown(value)}")
     if int(value) > maximum:
         raise InvalidInput(f"{name}: an integer of at most {maximum} wanted, got {shown(value)}")
+
+
+def likely_spelling(name: object, names: Iterable[str]) -> str:
+    """Return a question for the one of ``names`` that is spelt much like ``name``; "" where none is."""
+    near = get_close_matches(str(name), list(names), n=1)
+    return f"; did you mean {near[0]!r}?" if near else ""
+
+
+def degrees_hint(angles: ArrayLike) -> str:
+    """Return that radians are wanted, where the largest of ``angles`` [rad] is more than two turns; else ""."""
+    sizes = np.abs(np.asarray(angles, dtype=float))
+    largest = float(np.max(sizes[np.isfinite(sizes)], initial=0.0))
+    if largest <= LARGEST_ANGLE:
+        return ""
+    return f"{largest:g} rad is {largest / (2 * np.pi):.3g} turns; of degrees, np.deg2rad makes radians"
+
+
+def warn_of_degrees(name: str, angles: ArrayLike) -> None:
+    """Warn, by ``name``, of angles [rad] so large that they are probably degrees."""
+    if hint := degrees_hint(angles):
+        warnings.warn(f"{name}: {hint}", RuntimeWarning, stacklevel=3)
 
 
 def file_path(name: str, value: object) -> Path:

@@ -6,14 +6,13 @@ import importlib
 import inspect
 import sys
 import traceback
-from difflib import get_close_matches
 from pathlib import Path
 from types import FunctionType, ModuleType
 from typing import Any, TypeGuard
 
 from paretoik.errors import InvalidInput, ParetoikError
 from paretoik.formulations.protocol import timeline
-from paretoik.inputs import shown
+from paretoik.inputs import likely_spelling, shown
 
 
 def load_problem(reference: str) -> Any:
@@ -29,7 +28,8 @@ def load_problem(reference: str) -> Any:
     place, _, name = reference.rpartition(":")
     if not place or not name:
         raise InvalidInput(
-            f"problem: wanted FILE.py:NAME or package.module:NAME, got {shown(reference)} ('paretoik list' shows names)"
+            f"problem: wanted FILE.py:NAME or package.module:NAME, got {shown(reference)} "
+            f"('paretoik list{f' {reference}' if str(reference).endswith('.py') else ''}' shows names)"
         )
     module = _import_module(place)
     value = getattr(module, name, None)
@@ -112,9 +112,7 @@ def _refuse_clash(root: Path, package: str) -> None:
 
 def _list_names(module: ModuleType, name: str) -> str:
     offered = list(_offers(module))
-    near = get_close_matches(name, offered, n=1)
-    hint = f"; did you mean {near[0]!r}?" if near else ""
-    return f"{', '.join(offered) or 'none'}, got {name!r}{hint}"
+    return f"{', '.join(offered) or 'none'}, got {name!r}{likely_spelling(name, offered)}"
 
 
 def _offers(module: ModuleType) -> dict[str, Any]:

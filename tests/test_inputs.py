@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from paretoik.errors import InvalidInput
-from paretoik.inputs import finite_array, positive_number
+from paretoik.inputs import degrees_hint, finite_array, likely_spelling, positive_number
+from paretoik.robot.pose import Pose
 
 
 def test_an_array_is_copied_as_floats():
@@ -42,3 +43,15 @@ def test_a_number_that_is_not_positive_is_refused_with_its_unit(value):
     with pytest.raises(InvalidInput, match=f"radius: must be positive, got {value:g} m"):
         positive_number("radius", value, "m")
     assert positive_number("radius", 2, "m") == 2.0
+
+
+def test_angles_of_more_than_two_turns_are_taken_for_degrees():
+    assert degrees_hint([2 * np.pi, -4 * np.pi, np.inf]) == ""
+    assert degrees_hint([0.1, -90.0]).startswith("90 rad is 14.3 turns; of degrees, np.deg2rad")
+    with pytest.warns(RuntimeWarning, match=r"pose rpy: 180 rad is 28.6 turns"):
+        Pose.from_rpy([0.0, 0.0, 0.0], [180.0, 0.0, 0.0])
+
+
+def test_a_name_spelt_much_like_another_is_asked_after():
+    assert likely_spelling("left_griper", ["left_gripper", "base"]) == "; did you mean 'left_gripper'?"
+    assert likely_spelling("quite_another", ["left_gripper", "base"]) == ""

@@ -43,7 +43,8 @@ def require_plan(problem: Any) -> Callable[..., Plan]:
         )
     if len(names) != 1:
         raise InvalidInput(
-            f"plan: one objective wanted, got {len(names)}: {', '.join(names)}; epsilon_front finds their front"
+            f"plan: one objective wanted, got {len(names)}: {', '.join(names)}; epsilon_front (paretoik front) finds "
+            "their front"
         )
     find: Callable[..., Plan] = problem.plan
     return find

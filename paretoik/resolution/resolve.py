@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.errors import EvaluationFailed, Infeasible, InvalidInput
-from paretoik.inputs import check_choice, check_seed, finite_array, shown
+from paretoik.inputs import check_choice, check_seed, degrees_hint, finite_array, shown
 from paretoik.resolution.constrained import ConstrainedTraces
 from paretoik.resolution.follow import follow
 from paretoik.resolution.methods import ConstrainedQP, Criterion, Method, VelocityMethod
@@ -151,9 +151,10 @@ def _check_tracking(task: MotionTask, motion: ResolvedMotion, tolerance: float) 
     name = f"motion {', '.join(str(int(k)) for k in index)}: " if index else ""
     distance = describe_errors(task.tasks, motion.traces.errors.reshape(-1, samples, task.rows)[i, sample])
     if sample == 0:
+        hint = degrees_hint(q[task.arm.periodic])
         raise InvalidInput(
             f"resolve: {name}start is {distance} off the path's first sample, which must be at most "
-            f'{tolerance:g} {error_unit(task.tasks)}, or unreachable="track"'
+            f'{tolerance:g} {error_unit(task.tasks)}, or unreachable="track"{f"; {hint}" if hint else ""}'
         )
     cause = LOST_STEPS[str(status[i, sample - 1])] if broken[i, sample] else f"{distance} off the path"
     active = _active_limits(task, motion, i, sample) if status[i, before] == "limited" else ""

@@ -21,6 +21,7 @@ from paretoik.inputs import (
     check_text,
     file_path,
     finite_array,
+    likely_spelling,
     shown,
 )
 from paretoik.robot.arm_inputs import (
@@ -286,7 +287,9 @@ class Arm:
             **{link: frame for link, frame in self.frames.items() if link not in OWN_FRAMES},
         }
         if not isinstance(name, str) or name not in frames:
-            raise InvalidInput(f"frame: one of {', '.join(frames)} wanted, which {self.name} has, got {shown(name)}")
+            hint = likely_spelling(name, frames)
+            wish = f"one of {', '.join(frames)} wanted, which {self.name} has"
+            raise InvalidInput(f"frame: {wish}, got {shown(name)}{hint}")
         return frames[name]
 
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from paretoik.errors import InvalidInput
-from paretoik.inputs import finite_number, shown
+from paretoik.inputs import finite_number, likely_spelling, shown
 from paretoik.robot.arm import Arm
 from paretoik.robot.body import combine_bodies, transform_body
 from paretoik.robot.frame import Frame
@@ -21,7 +21,8 @@ def fix_joint(arm: Arm, joint: str, value: float) -> Arm:
     Raises InvalidInput for an unknown joint, a value that is not finite, or the last joint of an arm.
     """
     if joint not in arm.joint_names:
-        raise InvalidInput(f"fixed: joints among {', '.join(arm.joint_names)} wanted, got {shown(joint)}")
+        hint = likely_spelling(joint, arm.joint_names)
+        raise InvalidInput(f"fixed: joints among {', '.join(arm.joint_names)} wanted, got {shown(joint)}{hint}")
     value = finite_number(f"joint {joint}", value)
     if arm.dof == 1:
         raise InvalidInput(f"joint {joint}: wanted one of several that move, got the last of {arm.name}")

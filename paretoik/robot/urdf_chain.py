@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from paretoik.errors import InvalidInput
-from paretoik.inputs import finite_number, listed, shown
+from paretoik.inputs import finite_number, likely_spelling, listed, shown
 from paretoik.robot.arm_inputs import JOINT_TYPES
 from paretoik.robot.urdf_description import JointDescription, RobotDescription
 
@@ -77,7 +77,8 @@ def find_zero_limits(chain: Chain) -> list[str]:
 def _ends(source: str, robot: RobotDescription, base: str | None, tip: str | None) -> tuple[str, str]:
     for name, link in (("base", base), ("tip", tip)):
         if link is not None and (not isinstance(link, str) or link not in robot.links):
-            raise InvalidInput(f"{source}: {name}: one of {listed(robot.links)} wanted, got {shown(link)}")
+            hint = likely_spelling(link, robot.links)
+            raise InvalidInput(f"{source}: {name}: one of {listed(robot.links)} wanted, got {shown(link)}{hint}")
     if tip is None and len(robot.leaves) > 1:
         raise InvalidInput(f"{source}: tip: one of the leaves {listed(robot.leaves)} wanted, got none")
     return base or robot.roots[0], tip or robot.leaves[0]

@@ -9,7 +9,7 @@ from jaxtyping import Float, Int
 
 from paretoik.errors import Infeasible, OutOfReach
 from paretoik.robot.arm import Arm
-from paretoik.robot.scales import joint_scales
+from paretoik.robot.scales import characteristic_length, joint_scales
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import ON_PATH_TOLERANCE, relative_errors, row_scales, solve_small_systems
 from paretoik.task.retraction import OPTIONS as RETRACTION
@@ -26,6 +26,7 @@ class InverseKinematicsOptions:
     damped_iterations: int = 5
     quick_starts: int = 32
     thorough_starts: int = 256  # with five times the iterations, before a sample is called out of reach
+    other_units: float = 10.0  # arm's lengths: a path that far out of reach is probably not in metres
 
 
 OPTIONS = InverseKinematicsOptions()
@@ -111,9 +112,13 @@ def _describe_error(task: MotionTask, sample: int, error: Float[np.ndarray, " ro
         row, column = row + part.rows, column + part.target_size
     _, target, off, turn = max(errors, key=lambda entry: entry[0])
     rotation = f", there turned {np.linalg.norm(turn):.3g} rad away" if len(turn) else ""
+    distance, length = float(np.linalg.norm(off)), characteristic_length(task.arm)
+    units = (
+        f"; the arm is {length:.3g} m long: is the path in metres?" if distance > OPTIONS.other_units * length else ""
+    )
     return (
-        f"{(np.round(target, 6) + 0.0).tolist()} m is {np.linalg.norm(off):.3g} m from the nearest point found, "
-        f"{(np.round(target - off, 6) + 0.0).tolist()} m{rotation}"
+        f"{(np.round(target, 6) + 0.0).tolist()} m is {distance:.3g} m from the nearest point found, "
+        f"{(np.round(target - off, 6) + 0.0).tolist()} m{rotation}{units}"
     )
 
 

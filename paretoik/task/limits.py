@@ -15,6 +15,7 @@ from paretoik.inputs import (
     check_size,
     check_text,
     finite_number,
+    likely_spelling,
     listed,
     positive_number,
     real_array,
@@ -251,7 +252,7 @@ def _side(kind: str, values: object, arm: Arm, samples: int) -> np.ndarray:
     if array.shape not in ((), (arm.dof,), (samples, arm.dof)):
         raise InvalidInput(
             f"{kind} limit wants one number, {arm.dof} (one a joint) or an array ({samples}, {arm.dof}), got shape "
-            f"{array.shape}"
+            f"{array.shape}; a lower and an upper limit are a tuple (lower, upper) of these"
         )
     return np.broadcast_to(array, (max(1, len(array) if array.ndim == 2 else 1), arm.dof))
 
@@ -260,7 +261,8 @@ def _by_name(kind: str, limits: Mapping[str, Any], declared: np.ndarray, arm: Ar
     bounds = declared.copy()
     for joint, value in limits.items():
         if joint not in arm.joint_names:
-            raise InvalidInput(f"{kind} limit: joints among {listed(arm.joint_names)} wanted, got {shown(joint)}")
+            hint = likely_spelling(joint, arm.joint_names)
+            raise InvalidInput(f"{kind} limit: joints among {listed(arm.joint_names)} wanted, got {shown(joint)}{hint}")
         try:
             low, high = (float(side) for side in (value if isinstance(value, tuple) else (-value, value)))
         except (TypeError, ValueError):

@@ -9,8 +9,9 @@ from typing import get_args
 import numpy as np
 
 from paretoik.errors import InvalidInput
-from paretoik.inputs import check_choice, check_flag, finite_number, read_list, real_array, shown
+from paretoik.inputs import check_choice, check_flag, degrees_hint, finite_number, read_list, real_array, shown
 from paretoik.robot.arm import Arm, check_arm
+from paretoik.robot.scales import characteristic_length
 from paretoik.task.differences import Differences
 from paretoik.task.limits import Constraint, Limits
 from paretoik.task.motion_arguments import check_link_radius, check_obstacles
@@ -47,7 +48,10 @@ def motion_task(
     check_arm("arm", arm)
     check_flag("cyclic", cyclic)
     check_choice("differences", differences, get_args(Differences))
-    followed = tuple(_as_task(one).resolve_axes(arm) for one in (tasks if isinstance(tasks, list | tuple) else [tasks]))
+    given = [_as_task(one) for one in (tasks if isinstance(tasks, list | tuple) else [tasks])]
+    followed = tuple(one.resolve_axes(arm) for one in given)
+    for one in given:
+        _check_height(arm, one)
     _check_tasks(arm, followed, redundant)
     _check_objectives_and_limits(objectives, constraints, limits)
     _check_obstacles(obstacles, link_radius)
@@ -91,6 +95,23 @@ def _as_task(value: object) -> Task:
     return Task(value) if isinstance(value, Path) else value
 
 
+def _check_height(arm: Arm, task: Task) -> None:
+    """Raise InvalidInput where 3-D points leave the plane of a planar arm: without axes, nothing would follow their z.
+
+    Poses are left alone: ``Pose.planar`` puts all of them at z = 0.
+    """
+    points = task.path.positions
+    if not arm.is_planar or task.axes is not None or task.path.quaternions is not None or points.shape[1] == 2:
+        return
+    height = arm.pose(np.zeros(arm.dof), frame=task.frame).position[2]
+    off = points[:, 2] - height
+    if np.abs(off).max() > START_TOLERANCE * characteristic_length(arm):
+        raise InvalidInput(
+            f"path: points in the plane z = {height:.6g} m of {arm.name} wanted, or axes='xy', got one "
+            f"{off[np.abs(off).argmax()]:.3g} m off it"
+        )
+
+
 def _check_tasks(arm: Arm, tasks: tuple[Task, ...], redundant: bool) -> None:
     if not tasks:
         raise InvalidInput("path: wants at least one path or task, got none")
@@ -124,6 +145,7 @@ def _check_obstacles(obstacles: Sequence[Obstacle], link_radius: float) -> None:
 
 def _check_decorated(kind: str, members: Sequence[Objective] | Sequence[Constraint], required: type) -> None:
     wish = f"a list of functions decorated with @{kind}"
+    wish += ", or the library's, such as pk.kinetic_energy" if required is Objective else ""
     names = [member.name for member in read_list(f"{kind}s", members, required, wish)]
     if len(set(names)) != len(names):
         raise InvalidInput(f"{kind}s: names must differ, got {', '.join(names)}")
@@ -183,6 +205,11 @@ def _start_posture(arm: Arm, start: object) -> np.ndarray:
     return q
 
 
+def _reason_of_degrees(arm: Arm, start: np.ndarray) -> str:
+    hint = degrees_hint(start[arm.periodic])
+    return hint and f"; {hint}"
+
+
 def _check_start(task: MotionTask, start: np.ndarray) -> None:
     error, scales = (
         np.abs(task_errors(task.arm, task.tasks, start, task.targets[0])[0]),
@@ -193,7 +220,7 @@ def _check_start(task: MotionTask, start: np.ndarray) -> None:
         unit = row_units(task.tasks)[worst]
         raise InvalidInput(
             f"start must be at most {START_TOLERANCE * scales[worst]:.3g} {unit} off the path's first sample, got "
-            f"{error[worst]:.3g} {unit}"
+            f"{error[worst]:.3g} {unit}{_reason_of_degrees(task.arm, start)}"
         )
     if "position" in task.bounds:
         lower, upper = task.bounds["position"][0].T

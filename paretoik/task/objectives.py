@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
@@ -33,6 +34,10 @@ class Objective:
     form: Form
     maximise: bool = False
 
+    def __post_init__(self) -> None:
+        """Take over what the function says of itself, for ``help``."""
+        object.__setattr__(self, "__doc__", inspect.getdoc(self.function) or f"{self!r}.")
+
     def __call__(self, motion: Motion) -> Values:
         """Return the objective's values (*batch,), in the user's own sign.
 
@@ -51,7 +56,8 @@ class Objective:
 
     def __repr__(self) -> str:
         direction = ", maximised" if self.maximise else ""
-        return f"Objective {self.name} [{self.unit}], {self.form}{direction}"
+        unit = f" [{self.unit}]" if self.unit else ""
+        return f"Objective {self.name}{unit}, {self.form}{direction}"
 
     @property
     def sign(self) -> float:
@@ -120,7 +126,11 @@ def evaluate_function(name: str, function: Function, motion: Motion, form: Form)
     if array.dtype.kind not in "fiub":
         raise InvalidInput(f"{name} must return real numbers, got {array.dtype}")
     if array.shape != shape:
-        raise InvalidInput(f"{name} ({form}) must return shape {shape}, got {array.shape}")
+        each = "time of each motion" if form in ("integral", "peak") else "motion"
+        raise InvalidInput(
+            f"{name} ({form}) must return shape {shape}, got {array.shape}: a value for each {each}, whose arrays are "
+            "(*batch, time, joints), so that dq[..., 0] is of the first joint"
+        )
     return array.astype(float)
 
 

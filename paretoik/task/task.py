@@ -62,7 +62,8 @@ class Task:
             return
         check_choice("axes", self.axes, ROWS)
         if self.has_orientation and self.path.quaternions is None:
-            raise InvalidInput(f"axes {shown(self.axes)} wants a path of poses, got a path of points")
+            hint = "pk.line(pk.Pose.from_rpy(xyz, rpy), ...) is one of poses"
+            raise InvalidInput(f"axes {shown(self.axes)} wants a path of poses, got a path of points; {hint}")
         if self.axes == "xyz" and self.path.positions.shape[-1] == 2:
             raise InvalidInput("axes 'xyz' wants a path of 3-D points, got a path of 2-D points")
 
