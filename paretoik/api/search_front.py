@@ -84,6 +84,7 @@ class FrontSearch:
             "points": settings.points,
             "refine": settings.refine,
             "solver": settings.solver,
+            "evaluation_timeout": settings.evaluation_timeout,
             "time_limit": settings.time_limit,
         }
 
@@ -126,7 +127,13 @@ class FrontSearch:
             workcell=workcell_of(self.problem),
         )
         observe = partial(self._show, session)
-        status = evolve(search, [*self.endings, _Signal(session)], observe=observe, improve=self.improver)
+        status = evolve(
+            search,
+            [*self.endings, _Signal(session)],
+            seconds=self._solve_settings.evaluation_timeout,
+            observe=observe,
+            improve=self.improver,
+        )
         front = search.front_of(self._solve_settings.points)
         if self._initial.points is not None:
             front = merge_front(front, require_program("solve", self.problem), self._initial.points, search.evaluations)
