@@ -45,6 +45,7 @@ class ClusterOptions:
 
 
 OPTIONS = ClusterOptions()
+GONE = ("cancelled", "lost")  # a future that its scheduler knows no more
 
 
 class Cluster:
@@ -66,7 +67,11 @@ class Cluster:
             raise InvalidInput(f"cluster: a Dask scheduler at {address} wanted, got {fact}") from error
         self.run, self.tasks = uuid.uuid4().hex, 0
         self.threads = sum(self.client.nthreads().values())
-        self._shared: tuple[Any, Any] = (None, None)
+        self._shared: tuple[Any, bytes, Any] = (
+            None,
+            b"",
+            None,
+        )  # as it is, as bytes, and where it is with the scheduler
         self._told: set[str] = set()
 
     @property
@@ -76,7 +81,7 @@ class Cluster:
 
     def close(self) -> None:
         """Leave the scheduler."""
-        self._shared = None, None
+        self._shared = None, b"", None
         with suppress(Exception):  # it may be gone
             self.client.close(timeout=1.0)
 
@@ -90,11 +95,18 @@ class Cluster:
         """
         if not items:
             return
-        if self._shared[0] is not shared or self._shared[1] is None:
-            content = pickled("a problem", shared)
+        if self._shared[0] is not shared or not self._shared[1]:
+            self._shared = shared, pickled("a problem", shared), None
+        yield from _Round(self, pickled("a function", function), items, seconds).replies()
+
+    def shared(self) -> Any:
+        """Return the shared object as the scheduler has it; one that came back has it anew."""
+        shared, content, future = self._shared
+        if future is None or future.status in GONE:
             key = f"paretoik-shared-{hashlib.sha256(content).hexdigest()}"
-            self._shared = shared, self.client.submit(itself, content, key=key)
-        yield from _Round(self, pickled("a function", function), self._shared[1], items, seconds).replies()
+            future = self.client.submit(itself, content, key=key)
+            self._shared = shared, content, future
+        return future
 
     def tell(self, text: str) -> None:
         """Warn of something, once."""
@@ -106,11 +118,9 @@ class Cluster:
 class _Round:
     """The items of one call, on their way through the cluster."""
 
-    def __init__(
-        self, cluster: Cluster, function: bytes, shared: Any, items: Sequence[Any], seconds: float | None
-    ) -> None:
+    def __init__(self, cluster: Cluster, function: bytes, items: Sequence[Any], seconds: float | None) -> None:
         self.cluster, self.options, self.watch = cluster, cluster.options, _Watch(cluster)
-        self.function, self.shared, self.items, self.seconds = function, shared, items, seconds
+        self.function, self.items, self.seconds = function, items, seconds
         self.pending = deque(range(len(items)))
         self.suspects = deque[int]()  # with whom workers ended: each is tried again with nobody else about
         self.running = dict[Any, list[int]]()
@@ -128,6 +138,8 @@ class _Round:
 
     def _submit(self) -> None:
         """Send tasks as far ahead as they go; those with whom workers ended one by one, when all others are done."""
+        if self.cluster.client.status != "running":  # the scheduler is waited for
+            return
         while self.pending and len(self.running) < self.options.ahead * self.cluster.workers:
             portion = int(self.options.portion * self.answered / self.computed) if self.computed else 1
             share = len(self.pending) // (self.options.shares * self.cluster.workers)
@@ -137,10 +149,11 @@ class _Round:
 
     def _send(self, places: list[int]) -> None:
         items = pickled("an item", [(place, self.items[place]) for place in places])
-        task = Task(self.function, items, self.shared.key, self.seconds, software())
+        shared = self.cluster.shared()
+        task = Task(self.function, items, shared.key, self.seconds, software())
         self.cluster.tasks += 1
         key = f"paretoik-{self.cluster.run}-{self.cluster.tasks}"
-        future = self.cluster.client.submit(run_task, self.shared, task, key=key)
+        future = self.cluster.client.submit(run_task, shared, task, key=key)
         self.running[future] = places
         future.add_done_callback(self.ended.put)
 
@@ -161,15 +174,13 @@ class _Round:
             yield place, reply
 
     def _failed(self, future: Any, error: Exception) -> Iterator[tuple[int, Reply]]:
-        from asyncio import CancelledError, TimeoutError
-
         from distributed import KilledWorker
 
         if isinstance(error, TimeoutError):  # whoever had the result is gone, and it is computed again
             self.ended.put(future)
             return
         alone, places = len(self.running) == 1, self.running.pop(future)
-        if isinstance(error, CancelledError):  # by a scheduler that lost it
+        if future.status in GONE:  # with its scheduler
             self.pending.extendleft(reversed(places))
         elif not isinstance(error, KilledWorker):
             fact = f"{type(error).__name__}: {' '.join(str(error).split())}"

@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from contextlib import closing
 from pathlib import Path
@@ -17,11 +18,14 @@ import pytest
 import paretoik as pk
 from paretoik.distribution import DistributionOptions, distributing
 from paretoik.errors import InvalidInput
+from paretoik.execution.cluster import Cluster
+from paretoik.execution.executor import open_executor
 from paretoik.execution.worker_processes import WorkerProcesses
 from paretoik.run_files import CHECKPOINT, JOURNAL, RUN
 from tests.api.problems import QUICK, tracking
 from tests.api.resumed_runs import PROBLEMS, Deadly, Hanging, Slow, run
 from tests.api.test_resume import ENTRIES, check_same, killed
+from tests.execution.dask_cluster import dask_cluster
 
 ROOT = Path(__file__).parents[2]
 
@@ -45,6 +49,44 @@ def test_workers_come_to_the_same_bit_for_bit(verb, executor, tmp_path):
     alone = run(verb, tmp_path / "alone")
     with distributing(executor):
         check_same(run(verb, tmp_path / "workers"), alone)
+
+
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory):
+    pytest.importorskip("distributed", reason="Dask is not installed: pip install paretoik[cluster]")
+    with dask_cluster(tmp_path_factory.mktemp("dask"), 2) as started:
+        yield started
+
+
+@pytest.mark.filterwarnings("ignore:(workers. they do not pay|cluster. no worker at)")
+@pytest.mark.parametrize(
+    "verb", ["solve", *(pytest.param(verb, marks=pytest.mark.slow) for verb in ("plan", "epsilon_front", "refine"))]
+)
+def test_a_cluster_comes_to_the_same_bit_for_bit(verb, cluster, tmp_path):
+    alone = run(verb, tmp_path / "alone")
+    with open_executor(None, cluster.address):
+        check_same(run(verb, tmp_path / "cluster"), alone)
+
+
+@pytest.mark.filterwarnings("ignore:(workers. they do not pay|cluster. no worker at)")
+def test_a_row_that_takes_too_long_on_a_cluster_has_failed_and_no_worker_ends(cluster):
+    front = pk.solve(Hanging(), population=10, generations=2, seed=1, evaluation_timeout=0.3, cluster=cluster.address)
+    assert front.provenance["counts"]["first_cause"] == "it took more than 0.3 s"
+    assert front.provenance["counts"]["failed"] == 1
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:(workers. they do not pay|cluster. no worker at)")
+def test_a_search_whose_workers_are_killed_comes_to_the_same(cluster, tmp_path):
+    alone = pk.solve(Slow(tmp_path / "alone"), population=24, generations=3, seed=2)
+    with closing(Cluster(cluster.address)) as remote, distributing(remote):
+        before = set(remote.client.run(os.getpid).values())
+        killer = threading.Timer(2.0, lambda: remote.client.run(os._exit, 1, on_error="ignore"))
+        killer.start()
+        apart = pk.solve(Slow(tmp_path / "apart", seconds=0.3), population=24, generations=3, seed=2)
+        killer.join()
+        assert before.isdisjoint(remote.client.run(os.getpid).values())
+    assert np.array_equal(apart.objectives, alone.objectives)
 
 
 @pytest.mark.filterwarnings("ignore:workers. they do not pay")
@@ -144,3 +186,37 @@ def test_quick_evaluations_are_told_not_to_pay(monkeypatch, tmp_path):
     monkeypatch.setattr("paretoik.distribution.OPTIONS", DistributionOptions(trial=0.2))
     with pytest.warns(RuntimeWarning, match="workers: they do not pay here, a task takes"):
         pk.solve(Slow(tmp_path / "rows", seconds=0.0), population=12, generations=90, stagnation=False, workers=2)
+
+
+PROBLEM = """
+from pymoo.core.problem import ElementwiseProblem
+
+from helping import bend
+
+
+class Bent(ElementwiseProblem):
+    def __init__(self):
+        super().__init__(n_var=2, n_obj=2, xl=0.0, xu=1.0)
+
+    def _evaluate(self, x, out):
+        out["F"] = [x[0], bend(x)]
+
+
+def bent() -> Bent:
+    return Bent()
+"""
+
+
+@pytest.mark.parametrize("where", ["workers", "cluster"])
+def test_a_problem_of_a_users_files_reaches_the_workers_as_it_was_loaded(where, request, tmp_path):
+    (tmp_path / "mine.py").write_text(PROBLEM)
+    (tmp_path / "helping.py").write_text("SHIFT = 1.0\n\n\ndef bend(x):\n    return (SHIFT - x[0]) ** 2 + x[1]\n")
+    sizes = ["--population", "8", "--generations", "2", "--quiet"]
+    option = ["--workers", "2"] if where == "workers" else ["--cluster", request.getfixturevalue("cluster").address]
+    for out, more in (("alone", []), (where, option)):
+        command = [sys.executable, "-m", "paretoik", "solve", "mine.py:bent", "--out", out, *sizes, *more]
+        process = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+        assert process.returncode == 0, process.stderr
+    alone, apart = (pk.Front.load(tmp_path / out) for out in ("alone", where))
+    assert np.array_equal(apart.objectives, alone.objectives)
+    assert apart.provenance["counts"]["failed"] == 0

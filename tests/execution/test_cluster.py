@@ -132,6 +132,20 @@ def test_a_scheduler_that_dies_or_freezes_is_noticed(tmp_path, number):
 
 
 @pytest.mark.slow
+def test_a_scheduler_that_comes_back_is_given_what_is_left(tmp_path):
+    with dask_cluster(tmp_path, 1) as fragile, closing(Cluster(fragile.address)) as cluster:
+        assert wait_until(cluster.client.nthreads, 60.0)
+        replies = cluster.replies(work.slow_process, "shared", range(30))
+        _, first = next(replies)
+        fragile.restart_scheduler()
+        fragile.start_workers(1)
+        with pytest.warns(RuntimeWarning, match=r"cluster: no (scheduler|worker) at tcp://.*; one is waited for"):
+            rest = values(replies)
+        assert len(rest) == 29
+        assert first.value not in set(rest.values())
+
+
+@pytest.mark.slow
 def test_a_worker_that_freezes_is_left_out_and_others_do_its_work(tmp_path):
     options = replace(OPTIONS, watch=0.2, frozen=3.0)
     with dask_cluster(tmp_path, 2) as half, closing(Cluster(half.address, options)) as cluster:
