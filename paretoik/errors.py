@@ -21,7 +21,9 @@ from numbers import Integral
 
 
 class ParetoikError(Exception):
-    """Base of everything that paretoik raises on purpose."""
+    """Base of everything that paretoik raises on purpose; ``partial`` is what a verb had found by then, if anything."""
+
+    partial: object = None
 
     exit_code = 1
 

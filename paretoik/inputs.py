@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from paretoik.errors import InvalidInput
+from paretoik.user_functions import cause_of
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike as ArrayLike
@@ -23,7 +24,7 @@ def real_array(name: str, value: object) -> np.ndarray:
     except ValueError:
         raise InvalidInput(f"{name}: must be an array of numbers, got rows of different lengths") from None
     except Exception as error:  # a foreign array may raise anything
-        raise InvalidInput(f"{name}: must be an array of numbers, got {type(error).__name__}: {error}") from None
+        raise InvalidInput(f"{name}: must be an array of numbers, got {cause_of(error)}") from None
     if array.dtype.kind not in "iuf":
         kind = "text" if array.dtype.kind in "US" else array.dtype
         raise InvalidInput(f"{name}: must hold real numbers, got {kind}")

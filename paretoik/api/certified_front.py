@@ -15,6 +15,7 @@ from paretoik.fingerprint.fingerprint import fingerprint
 from paretoik.formulations.protocol import Differentiable, Individuals
 from paretoik.front.certificates import Certificates
 from paretoik.front.front import Front
+from paretoik.front.indicators import ranges_of
 from paretoik.nlp.program import Solver
 from paretoik.pareto.certificates import certify
 from paretoik.pareto.gap_filling import front_rows
@@ -90,7 +91,8 @@ def certified_front(
     points = _leave_saddles(formulation, points, certified, ranges, solver)
     individuals, ids = points.individuals, ids[rows]
     rows = front_rows(individuals.objectives / ranges)
-    certificates = points.certificates[rows]
+    final = ranges_of(individuals.objectives[rows]) if len(rows) else ranges  # of what the front has become
+    certificates = points.certificates[rows].rescale(ranges, final)
     return Front(
         ids=ids[rows],
         objectives=individuals.objectives[rows] * signs,

@@ -84,5 +84,6 @@ def directional_maxima(
         polygon = performance_polygon(query)
         provenance = {**session.provenance, "status": "maxima", "counts": polygon_counts(polygon, session.seconds)}
         session.keep(lambda folder: save_polygon(polygon, provenance, folder), status=provenance["status"])
-        review_polygon(polygon, provenance, session)
+        with session.reviewing():
+            review_polygon(polygon, provenance, session)
     return polygon

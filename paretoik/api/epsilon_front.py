@@ -120,7 +120,8 @@ def epsilon_front(
         with session.computing(time_limit):
             front = _sweep(problem, formulation, starting, session)
         session.finish(front)
-        review_front(front, session)
+        with session.reviewing():
+            review_front(front, session)
     return front
 
 

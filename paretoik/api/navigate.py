@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from paretoik.api.load_front import load_front
-from paretoik.api.run_session import verb_session
+from paretoik.api.verb_session import verb_session
 from paretoik.execution.run_folder import check_other_folder, claim_folder, lock_folder
 from paretoik.front.front import Choice, Front
 from paretoik.front.provenance import NAVIGATIONS

@@ -123,5 +123,6 @@ def plan(
         (name,), (unit,), (maximised,) = problem.names, problem.units, problem.maximised
         save = partial(save_plan, plan, name=name, unit=unit, maximised=bool(maximised))
         session.keep(save, status=plan.provenance["status"])
-        display.review(plan)
+        with session.reviewing():
+            display.review(plan)
     return plan

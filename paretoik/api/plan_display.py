@@ -27,7 +27,7 @@ class PlanDisplay:
         self._show = count_observer(session.observe, "sample")
         self._levels = list[PlannedLevel]()
         (name,), (unit,), (maximised,) = problem.names, problem.units, problem.maximised
-        self._label = objective_label(name, unit, bool(maximised))
+        self._label, self._unit = objective_label(name, unit, bool(maximised)), unit
         cell = workcell_of(problem)
         if cell is not None:
             scene = PlannedScene(name=name, unit=unit, maximised=bool(maximised), workcell=cell)
@@ -51,7 +51,7 @@ class PlanDisplay:
             return
         from paretoik.review.pictures.plan_picture import plan_picture  # here: matplotlib takes its time
 
-        plan_picture(plan, self._levels, self._label, self._session.folder / DRAWING)
+        plan_picture(plan, self._levels, self._label, self._unit, self._session.folder / DRAWING)
 
 
 def _planned_level(number: int, level: LevelProgress) -> PlannedLevel:

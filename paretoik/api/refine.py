@@ -15,8 +15,9 @@ from paretoik.api.certified_front import certified_front, no_worse
 from paretoik.api.progress import Observer, count_observer
 from paretoik.api.refinement_display import RefinementDisplay, improved_points
 from paretoik.api.review_front import review_front
-from paretoik.api.run_session import Subject, run_session, verb_session
+from paretoik.api.run_session import Subject, run_session
 from paretoik.api.time_left import OPTIONS as TIME_LEFT
+from paretoik.api.verb_session import verb_session
 from paretoik.arrays import Genes, Ids, Points
 from paretoik.errors import InvalidInput
 from paretoik.execution.executor import check_workers
@@ -118,8 +119,9 @@ def refine(
         ending = {"status": session.stopped_by or "refined", "counts": counts, "parent": former}
         refined = replace(refined, provenance={**session.provenance, **ending})
         session.finish(refined)
-        display.show(refined)
-        review_front(refined, session)
+        with session.reviewing():
+            display.show(refined)
+            review_front(refined, session)
     return refined
 
 

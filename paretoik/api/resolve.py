@@ -123,5 +123,6 @@ def resolve(
         motion = resolve_recorded(resolution, session)
         provenance = {**session.provenance, **motion_ending(motion, session.seconds)}
         session.keep(lambda folder: save_resolution(motion, provenance, folder), status=provenance["status"])
-        review_resolution(motion, resolution, session)
+        with session.reviewing():
+            review_resolution(motion, resolution, session)
     return motion

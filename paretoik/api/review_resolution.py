@@ -12,6 +12,7 @@ from paretoik.resolution.traces import ResolvedMotion
 from paretoik.review.recording.resolved import ResolutionEnd, ResolvedScene, record_traces
 from paretoik.review.recording.workcell import workcell_of
 from paretoik.run_files import DRAWING
+from paretoik.task.task import error_unit
 
 
 def resolve_recorded(resolution: Resolution, session: RunSession) -> ResolvedMotion:
@@ -21,13 +22,12 @@ def resolve_recorded(resolution: Resolution, session: RunSession) -> ResolvedMot
     """
     cell = workcell_of(resolution)
     assert cell is not None
-    oriented = any(each.has_orientation for each in resolution.task.tasks)
     scene = ResolvedScene(
         workcell=cell,
         method=type(resolution.method).__name__,
         criteria=tuple(each.objective.name for each in resolution.criteria),
         tolerance=float(resolution.tolerance),
-        error_unit="m or rad" if oriented else "m",
+        error_unit=error_unit(resolution.task.tasks),
         min_clearance=float(resolution.task.min_clearance),
     )
     session.start_recording(scene)

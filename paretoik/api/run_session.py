@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 import shutil
-import time
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager, nullcontext
-from dataclasses import dataclass, field, replace
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass, replace
 from pathlib import Path, PosixPath
-from signal import SIGINT
 from typing import Any
 
 from paretoik.api.progress import Observer, RunProgress
-from paretoik.api.progress_display import open_observer
-from paretoik.errors import InvalidInput, SolverFailed
+from paretoik.api.verb_session import VerbSession, verb_session
+from paretoik.errors import InvalidInput
 from paretoik.execution.executor import open_executor
-from paretoik.execution.interrupts import Interruption, interruptible
 from paretoik.execution.machine import versions
+from paretoik.execution.reserved_space import ReservedSpace
 from paretoik.execution.run_folder import claim_folder
-from paretoik.execution.time_limit import TimeLimit, time_limit
 from paretoik.fingerprint.fingerprint import fingerprint
 from paretoik.formulations.protocol import Timeline
 from paretoik.front.front import Front
@@ -27,77 +25,15 @@ from paretoik.journal import journalled
 from paretoik.review.recording.recorder import Recorder, Scene, SearchedFront
 from paretoik.review.recording.workcell import Workcell
 from paretoik.run_files import CHECKPOINT, JOURNAL, RECORDING, STOPPED, has_result, write_run
-from paretoik.stop_flag import STOP, Interrupted
+from paretoik.stop_flag import STOP
+from paretoik.user_functions import cause_of
 
 SOURCE = Path(CHECKPOINT, "source")  # within a run's folder
+RESERVE = Path(CHECKPOINT, "reserve")
 
 
 class StoppedRun(PosixPath):
     """The folder of a run that goes on, where else that of a new one stands."""
-
-
-@dataclass(kw_only=True, eq=False)
-class VerbSession:
-    """A verb at work: its observer, its clock, and the signals that may end it."""
-
-    observe: Observer | None
-    interruption: Interruption
-    started: float = field(default_factory=time.monotonic)
-    limit: TimeLimit = field(default_factory=lambda: TimeLimit(seconds=None))
-
-    @property
-    def seconds(self) -> float:
-        """Time since the start [s]."""
-        return time.monotonic() - self.started
-
-    @property
-    def signal(self) -> str | None:
-        """Name of the signal that came, if any."""
-        return None if self.interruption.signal is None else self.interruption.signal.name
-
-    @property
-    def stopped_by(self) -> str | None:
-        """What ended the computation early: the name of a signal, or "time limit"."""
-        return self.signal or ("time limit" if self.limit.reached else None)
-
-    @contextmanager
-    def computing(self, seconds: float | None) -> Iterator[None]:
-        """Let the body compute for so many seconds at most; it then returns what it has, as after a signal.
-
-        Raises InvalidInput for what is no time, SolverFailed where the body has nothing by then.
-        """
-        with time_limit(seconds) as self.limit:
-            try:
-                yield
-            except Interrupted:
-                if self.signal is None and self.limit.reached:
-                    raise SolverFailed(f"time_limit: nothing was found within {seconds:g} s; more are wanted") from None
-                raise
-
-
-@contextmanager
-def verb_session(
-    observe: Observer | bool | None, *, time_limit: float | None = None, catch_signals: bool = True
-) -> Iterator[VerbSession]:
-    """Open a verb: catch signals, show its progress. Within another verb's, signals are that one's.
-
-    Where the body raises Interrupted, a signal came before there was anything to return: KeyboardInterrupt after
-    Ctrl-C, SystemExit(143) after SIGTERM. Without ``catch_signals`` these end the body as without a
-    verb. Raises InvalidInput for an observer that cannot be called.
-    """
-    signals = interruptible() if catch_signals else nullcontext(Interruption())
-    with open_observer(observe, time_limit=time_limit) as observer, signals as interruption:
-        try:
-            yield VerbSession(observe=observer, interruption=interruption)
-        except Interrupted:
-            raise _exit_of(interruption) from None
-
-
-def _exit_of(interruption: Interruption) -> BaseException:
-    """Return what a signal would have raised, or ended Python with, had nobody caught it."""
-    if interruption.signal is None:  # another thread's
-        return KeyboardInterrupt()
-    return KeyboardInterrupt() if interruption.signal == SIGINT else SystemExit(interruption.exit_code)
 
 
 @dataclass(kw_only=True, eq=False)
@@ -110,6 +46,7 @@ class RunSession(VerbSession):
     live: bool = False
     recorder: Recorder | None = None
     draft: Front | None = None
+    room: ReservedSpace | None = None  # on the disk, for the result
     finished: bool = False
 
     def start(
@@ -159,11 +96,30 @@ class RunSession(VerbSession):
             self.show(RunProgress(stage="recording", summary="completing the recording"))
             self.recorder.finish(end)
 
+    @contextmanager
+    def reviewing(self) -> Iterator[None]:
+        """Let the body complete the recording and draw pictures of a result that is saved; warn where it fails."""
+        try:
+            yield
+        except Exception as fault:  # a view may fail in any way, also by a function of a user's
+            text = f"{self.folder}: the result is saved, but not all views of it: {cause_of(fault)}"
+            warnings.warn(text, RuntimeWarning, stacklevel=4)
+
     def save_draft(self, front: Front) -> None:
         """Save a front, should what follows fail."""
         if self.folder is not None:
-            replace(front, provenance={**front.provenance, "status": "refining"}).save(self.folder, overwrite=True)
+            with self._using_room():
+                replace(front, provenance={**front.provenance, "status": "refining"}).save(self.folder, overwrite=True)
             self.draft = front
+
+    def keep_found(self, front: Front, error: Exception) -> None:
+        """Save the front found before an error, which has it as its ``partial`` and says in a note where it is."""
+        error.partial = front  # type: ignore[attr-defined]
+        place = "the error's .partial"
+        with suppress(OSError):  # a full disk
+            self.save_draft(front)
+            place = place if self.folder is None else str(self.folder)
+        error.add_note(f"the front found by then, of {len(front)} points, is in {place}")
 
     def finish(self, front: Front) -> None:
         """Save the final front."""
@@ -177,6 +133,7 @@ class RunSession(VerbSession):
         self.finished, STOP[0] = True, 0
         if self.folder is not None:
             self.show(RunProgress(stage="saving"))
+            self._leave_room()
             save(self.folder)
             if status not in STOPPED:
                 shutil.rmtree(self.folder / CHECKPOINT, ignore_errors=True)
@@ -186,10 +143,24 @@ class RunSession(VerbSession):
         failure = {"status": self.signal or type(error).__name__, "reason": str(error)}
         if self.folder is None or self.finished:
             return
+        self._leave_room()
         if self.draft is None and not has_result(self.folder):  # one that goes on may have one from before
             write_run(self.folder, {**self.provenance, **failure})
         elif self.draft is not None:
             replace(self.draft, provenance={**self.draft.provenance, **failure}).save(self.folder, overwrite=True)
+
+    def _leave_room(self) -> None:
+        if self.room is not None:
+            self.room.release()
+
+    @contextmanager
+    def _using_room(self) -> Iterator[None]:
+        """Let the body write where room is held for the result, and hold it again."""
+        self._leave_room()
+        yield
+        if self.room is not None:
+            with suppress(OSError):  # what is there now may have to do
+                self.room.take()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -252,6 +223,8 @@ def run_session(
             title=subject.title,
             live=live,
         )
+        if folder is not None and resumable:
+            session.room = ReservedSpace(folder / RESERVE)
         if folder is not None and not has_result(folder):
             write_run(folder, {**provenance, "status": "running"})
         if folder is not None and resumable:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from paretoik.formulations.protocol import is_loop
+from paretoik.review.run_words import ending_words
 from paretoik.run_files import DRAWING
 from paretoik.tables import columns
 
@@ -22,7 +23,7 @@ def status_text(front: Front) -> str:
     counts, status = provenance["counts"], provenance["status"]
     duration = f"{counts['seconds']:.1f} s"
     if is_loop(front):
-        return f"{counts['steps']} of {counts['of']} steps in {duration} (ended by {status})"
+        return f"{counts['steps']} of {counts['of']} steps in {duration} ({ending_words(status)})"
     points = "1 point" if len(front) == 1 else f"{len(front)} points"
     match provenance.get("verb", "solve"):
         case "epsilon_front":
@@ -35,7 +36,7 @@ def status_text(front: Front) -> str:
         case _:
             return (
                 f"{points} after {counts['generations']} generations, {counts['evaluations']} evaluations and "
-                f"{duration} (ended by {status})"
+                f"{duration} ({ending_words(status)})"
             )
 
 

@@ -127,19 +127,30 @@ class FrontSearch:
             workcell=workcell_of(self.problem),
         )
         observe = partial(self._show, session)
-        status = evolve(
-            search,
-            [*self.endings, _Signal(session)],
-            seconds=self._solve_settings.evaluation_timeout,
-            observe=observe,
-            improve=self.improver,
-        )
+        endings = [*self.endings, _Signal(session)]
+        try:
+            status = evolve(
+                search,
+                endings,
+                seconds=self._solve_settings.evaluation_timeout,
+                observe=observe,
+                improve=self.improver,
+            )
+        except Exception as error:  # a user's function, or observer, may fail late
+            if len(search.archive.F):
+                session.keep_found(self._front(session, type(error).__name__), error)
+            raise
+        front = self._front(session, session.signal or status)
+        if not len(front):
+            raise Interrupted if session.signal else _infeasible(search)
+        return front
+
+    def _front(self, session: RunSession, status: str) -> Front:
+        """Return the front that the search has led to."""
+        search = self.search
         front = search.front_of(self._solve_settings.points)
         if self._initial.points is not None:
             front = merge_front(front, require_program("solve", self.problem), self._initial.points, search.evaluations)
-        status = session.signal or status
-        if not len(front):
-            raise Interrupted if session.signal else _infeasible(search)
         counts = {
             "generations": search.generation,
             "evaluations": search.evaluations,

@@ -163,5 +163,6 @@ def solve(
     ) as session:
         front = run.run(session)
         session.finish(front)
-        run.review(front, session)
+        with session.reviewing():
+            run.review(front, session)
     return front

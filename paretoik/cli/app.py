@@ -77,6 +77,8 @@ def main() -> None:
             app()
         except ParetoikError as error:
             print_message("error:", "bold red", str(error))
+            for note in getattr(error, "__notes__", ()):
+                print_message("note:", "yellow", note)
             sys.exit(error.exit_code)
 
 

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.arrays import JointPaths, Objectives
-from paretoik.errors import EvaluationFailed, InvalidInput
+from paretoik.arrays import JointPaths
+from paretoik.errors import InvalidInput
 from paretoik.self_motion.branches import branch_labels
 from paretoik.self_motion.motion_starts import rollout_starts
-from paretoik.stop_flag import check_interruption
+from paretoik.task.evaluation import evaluate_motions
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.motion_task_validation import START_TOLERANCE
-from paretoik.task.retraction import relative_errors
+from paretoik.task.retraction import relative_errors, task_errors
+from paretoik.task.task import describe_errors
 from paretoik.trajectory.program import joint_distance
 
 
@@ -70,59 +70,8 @@ def positions_on_path(task: MotionTask, motions: Motion) -> JointPaths:
             f"initial: motions of {task.arm.name} with {len(task.times)} samples wanted, got {motions.arm.name} with "
             f"{q.shape[1]}"
         )
-    deviation = float(task.motion(q).tracking_error.max())
     if np.abs(relative_errors(task.arm, task.tasks, q, task.targets)[0]).max() > START_TOLERANCE:
-        raise InvalidInput(f"initial: motions on the path wanted, got one that is {deviation:.3g} m or rad off")
+        largest = np.abs(task_errors(task.arm, task.tasks, q, task.targets)[0]).max(axis=(0, 1))
+        distance = describe_errors(task.tasks, largest)
+        raise InvalidInput(f"initial: motions on the path wanted, got some that are {distance} off")
     return q
-
-
-def require_values(task: MotionTask, motions: Motion) -> None:
-    """Raise EvaluationFailed, with the first cause, where objectives and limits of no motion have values."""
-    causes = evaluate_motions(task, motions)[2]
-    if all(causes):
-        raise EvaluationFailed(f"every evaluation failed, the first with: {causes[0]}")
-
-
-def evaluate_motions(
-    task: MotionTask, motions: Motion, *, interruptible: bool = True
-) -> tuple[Objectives, np.ndarray, np.ndarray]:
-    """Return F, minimised, the violations of limits (points, limits), and causes of failure (points,).
-
-    What fails is NaN, and its cause says why. Raises Interrupted after a signal, unless it is not ``interruptible``.
-    """
-    if interruptible:
-        check_interruption()
-    causes = np.full(len(motions), "", dtype=object)
-    columns = [_isolate(f"objective {o.name}", o, motions, (), causes, interruptible) * o.sign for o in task.objectives]
-    limits = _isolate("a limit", task.violations, motions, (len(task.limit_names),), causes, interruptible)
-    return np.array(columns).reshape(len(columns), len(motions)).T, limits, causes
-
-
-def _isolate(
-    name: str,
-    function: Callable[[Motion], np.ndarray],
-    motions: Motion,
-    shape: tuple[int, ...],
-    causes: np.ndarray,
-    interruptible: bool,
-) -> np.ndarray:
-    """Return a user's function of motions, one by one where the batch raises; NaN, with its cause, where it fails."""
-    if interruptible:
-        check_interruption()
-    try:
-        values = function(motions)
-    except InvalidInput:
-        raise
-    except Exception as error:  # a user's function may raise anything
-        if len(motions) == 1:
-            causes[0] = causes[0] or f"{name} raised {type(error).__name__}: {error}"
-            return np.full((1, *shape), np.nan)
-        parts = [
-            _isolate(name, function, motions[i : i + 1], shape, causes[i : i + 1], interruptible)
-            for i in range(len(motions))
-        ]
-        return np.concatenate(parts)
-    for i, row in enumerate(values.reshape(len(values), -1)):
-        if not np.isfinite(row).all():
-            causes[i] = causes[i] or f"{name} is {row[~np.isfinite(row)][0]}"
-    return values

@@ -92,9 +92,12 @@ class ClosedLoopRun:
 def explain_choice(front: Front) -> Choice:
     """Return the one motion of a closed loop's front, and in words how its steps were chosen."""
     weights = ", ".join(f"{name} {weight:.0%}" for name, weight in front.provenance["settings"]["weights"].items())
-    means = ", ".join(front.quantity(axis, value) for axis, value in enumerate(front.objectives[0]))
+    means = [front.quantity(axis, value) for axis, value in enumerate(front.objectives[0])]
+    error = f"{front.provenance['position_error']:.4g} m"
+    if f"position_error {error}" not in means:  # the objective of that name says the same
+        means.append(f"position error {error}")
     return front.choice(
         0,
-        f"At every step the point with the least weighted sum ({weights}) was taken. Means over the steps: {means}; "
-        f"position error {front.provenance['position_error']:.4g} m, drift {front.provenance['drift']:.4g} rad.",
+        f"At every step the point with the least weighted sum ({weights}) was taken. Means over the steps: "
+        f"{', '.join(means)}. Joint drift {front.provenance['drift']:.4g} rad.",
     )

@@ -25,7 +25,6 @@ from paretoik.capability.directional_program import DirectionalProgram, consecut
 from paretoik.capability.joint_capability import Quantity, quantities_along
 from paretoik.capability.posture_samples import sample_holdable_postures, stationary_task
 from paretoik.errors import InvalidInput, check_size
-from paretoik.formulations.base_motions import evaluate_motions, require_values
 from paretoik.formulations.configurations import Configuration, Configurations
 from paretoik.formulations.dense_formulation import DenseFormulation, front_sliders, slider_shares
 from paretoik.formulations.own_functions import WholeProgram, function_task
@@ -34,6 +33,7 @@ from paretoik.nlp.dense import DenseProgram
 from paretoik.robot.arm import Arm
 from paretoik.robot.dynamics import gravity_torques
 from paretoik.self_motion.start_postures import wrap_difference
+from paretoik.task.evaluation import evaluate_motions, examine_functions, require_values
 from paretoik.task.limits import LIMIT_TOLERANCE, Constraint
 from paretoik.task.motion import Motion
 from paretoik.task.objectives import Objective
@@ -152,15 +152,13 @@ class DirectionalMaxima(DenseFormulation):
     def _check_functions(self) -> None:
         """Raise for functions without values, and InvalidInput for an objective that is the same in all postures."""
         motions = self._motions(self.bases)
-        require_values(self.functions, motions)
-        for objective, values in zip(
-            self.functions.objectives, evaluate_motions(self.functions, motions)[0].T, strict=True
-        ):
+        for objective, values in zip(self.functions.objectives, require_values(self.functions, motions).T, strict=True):
             if len(values) > 1 and np.ptp(values) == 0:
                 raise InvalidInput(
                     f"{objective.name}: a function of the posture wanted, got one that is the same in all: the arm "
                     "stands still"
                 )
+        examine_functions(self.functions, motions)
 
     @cached_property
     def frames(self) -> tuple[np.ndarray, np.ndarray]:

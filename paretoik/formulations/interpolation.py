@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import Points
-from paretoik.formulations.base_motions import evaluate_motions
+from paretoik.task.evaluation import evaluate_motions
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import Retraction, retract_nearest
 

@@ -17,7 +17,7 @@ from paretoik.formulations.navigation_words import describe_move
 from paretoik.formulations.protocol import Differentiable, Individuals, restore_motions
 from paretoik.front.certificates import Certificates, concatenate
 from paretoik.front.front import Front
-from paretoik.front.indicators import ranges_of
+from paretoik.front.indicators import widths_of
 from paretoik.front.joint_motions import StoredJoints, StoredMotions
 from paretoik.front.navigation import NavigationRequest
 from paretoik.front.provenance import NAVIGATIONS
@@ -59,7 +59,7 @@ def navigate(problem: Any, front: Front, request: NavigationRequest) -> Front:
     """
     formulation: Differentiable = problem
     program, points = formulation.program(), FrontPoints(x=formulation.front_points(front), objectives=front.minimised)
-    ranges = _widths(front)
+    ranges = widths_of(front)
     aim = Aim(
         wish=Wish(improve=request.improve, payers=request.payers, by=request.by / ranges[request.improve]),
         ranges=ranges,
@@ -89,18 +89,12 @@ def natural_weights(front: Front, row: int) -> Float[np.ndarray, " n_obj"]:
     From the exchange rates, which do not depend on ranges; where there is none from the weights themselves.
     """
     assert front.certificates is not None
-    weights = front.certificates.weights[row] / _widths(front)
+    weights = front.certificates.weights[row] / widths_of(front)
     main = int(np.argmax(front.certificates.weights[row]))
     signs = np.where(front.maximised, -1.0, 1.0)
     rates = -front.certificates.exchange_rates[row, :, main] * signs * signs[main]
     rates[main] = 1.0
     return np.where(np.isfinite(rates), rates, weights / weights[main])
-
-
-def _widths(front: Front) -> Float[np.ndarray, " n_obj"]:
-    """Return the ranges of a front; the size of an objective where it has but one value."""
-    widths = np.ptp(front.ranges, axis=1)
-    return np.where(widths > 0, widths, ranges_of(front.minimised))
 
 
 def _between(problem: Any) -> Callable[[Point, Point, Float[np.ndarray, " shares"]], np.ndarray]:

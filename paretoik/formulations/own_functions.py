@@ -11,9 +11,9 @@ from jaxtyping import Float, Int
 
 from paretoik.capability.smooth_functions import constraint_terms, objective_term, smooth_term
 from paretoik.capability.term_rows import LanesOf, TermRows
-from paretoik.formulations.base_motions import evaluate_motions, require_values
 from paretoik.nlp.traced import AssembledRows
 from paretoik.robot.arm import Arm
+from paretoik.task.evaluation import evaluate_motions, require_values
 from paretoik.task.limits import Constraint
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask

@@ -24,13 +24,13 @@ from paretoik.capability.point_to_point_program import PointToPointProgram
 from paretoik.capability.posture_samples import stationary_task
 from paretoik.capability.timing import Timing, minimum_timing, require_weight
 from paretoik.errors import InvalidInput, check_size
-from paretoik.formulations.base_motions import evaluate_motions
 from paretoik.formulations.dense_formulation import DenseFormulation, front_sliders, slider_shares
 from paretoik.formulations.initial_paths import InitialPaths, find_initial_paths
 from paretoik.formulations.own_functions import WholeProgram, function_task, read_times
 from paretoik.inputs import check_flag, finite_array
 from paretoik.nlp.dense import DenseProgram
 from paretoik.robot.arm import Arm
+from paretoik.task.evaluation import evaluate_motions
 from paretoik.task.limits import LIMIT_TOLERANCE, Constraint
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask

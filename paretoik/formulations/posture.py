@@ -13,11 +13,11 @@ from paretoik.arrays import Genes
 from paretoik.closed_loop.control_step import rotation_rows
 from paretoik.closed_loop.open_loop import posture_bounds
 from paretoik.errors import InvalidInput
-from paretoik.formulations.base_motions import evaluate_motions, require_values
 from paretoik.formulations.closed_loop_arguments import check_limits
 from paretoik.robot.arm import Arm
 from paretoik.search.nsga2 import MaxiMinNSGA2
 from paretoik.search.row_operators import elitist_algorithm
+from paretoik.task.evaluation import evaluate_motions, examine_functions
 from paretoik.task.limits import Constraint, Limits
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task_validation import motion_task
@@ -95,7 +95,7 @@ class Posture(Problem):  # type: ignore[misc]  # pymoo is not typed
         self.constraint_names = self.task.limit_names
         low, high = posture_bounds(self.task).T
         super().__init__(n_var=arm.dof, n_obj=len(self.names), n_ieq_constr=len(self.constraint_names), xl=low, xu=high)
-        require_values(self.task, self.decode(np.random.default_rng(0).uniform(low, high, (16, arm.dof))))
+        examine_functions(self.task, self.decode(np.random.default_rng(0).uniform(low, high, (16, arm.dof))))
 
     def algorithm(self, population: int, *, offspring: int | None = None, initial: Genes | None = None) -> Any:
         """Return the paper's genetic algorithm for the error alone, MaxiMinNSGA2 for several objectives."""

@@ -16,13 +16,7 @@ from pymoo.core.problem import Problem
 
 from paretoik.arrays import Genes, Values
 from paretoik.errors import InvalidInput, check_size
-from paretoik.formulations.base_motions import (
-    choose_bases,
-    evaluate_motions,
-    positions_on_path,
-    require_values,
-    sample_rollouts,
-)
+from paretoik.formulations.base_motions import choose_bases, positions_on_path, sample_rollouts
 from paretoik.formulations.encoding import Encoding, choose_coefficients, encoding
 from paretoik.formulations.interpolation import values_between
 from paretoik.formulations.navigation import navigate
@@ -38,6 +32,7 @@ from paretoik.self_motion.branches import branch_labels
 from paretoik.stop_flag import STOP
 from paretoik.tables import html_representation
 from paretoik.task.differences import Differences
+from paretoik.task.evaluation import evaluate_motions, examine_functions
 from paretoik.task.limits import Constraint, Limits
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
@@ -249,7 +244,7 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
         self, *, starts: int | None, seed: int, solver: Solver = "auto", observe: Observe | None = None
     ) -> MotionColdSearch:
         """Return how optima are found from nothing: each objective planned, starts refined level by level."""
-        require_values(self.task, self.task.motion(self._rollouts))
+        examine_functions(self.task, self.task.motion(self._rollouts))
         return MotionColdSearch(task=self.task, starts=starts, seed=seed, solver=solver, observe=observe)
 
     def plan(
@@ -262,7 +257,7 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
         observe: ObserveLevel | None = None,
     ) -> Plan:
         """Return the distinct local optima of the one objective; raises as ``find_optima`` does."""
-        require_values(self.task, self.task.motion(self._rollouts))
+        examine_functions(self.task, self.task.motion(self._rollouts))
         q = None if initial is None else positions_on_path(self.task, initial)
         return find_optima(self.task, starts=starts, seed=seed, initial=q, solver=solver, observe=observe)
 

@@ -31,7 +31,7 @@ from paretoik.task.motion_task_validation import motion_task
 from paretoik.task.objectives import Objective, jerk
 from paretoik.task.obstacles import Obstacle
 from paretoik.task.path import Path
-from paretoik.task.task import Task
+from paretoik.task.task import Task, error_unit
 
 JudgedBy = Literal["worst", "mean"]
 START = Parameter("start", 0.0, 1.0)
@@ -172,7 +172,7 @@ class Tuning(Problem):  # type: ignore[misc]  # pymoo is not typed
     def _explain(self, violations: Float[np.ndarray, " limits"]) -> str:
         worst = int(np.argmax(violations))
         if self.tolerance is not None and worst == 0:
-            return f"{(1 + violations[0]) * self.tolerance:.3g} m or rad off the path"
+            return f"{(1 + violations[0]) * self.tolerance:.3g} {error_unit(self.task.tasks)} off the path"
         return f"{self.constraint_names[worst]} is violated by {100 * violations[worst]:.3g} % of its range"
 
     def _follow(self, genes: Genes, indices: Int[np.ndarray, "points judged"]) -> ResolvedMotion:

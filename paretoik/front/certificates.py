@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -22,7 +22,7 @@ class Certificates:
 
     ``violation`` is the worst of all limits at the samples, ``violation_between`` on a grid four times finer, as shares
     of a limit's range; ``kkt_residual`` is the criticality χ, the improvement that all objectives can still gain at
-    once, as shares of their ranges; ``weights`` (points, n_obj) are the multipliers of the objectives over their
+    once, as shares of the front's ranges; ``weights`` (points, n_obj) are the multipliers of the objectives over these
     ranges, their sum 1; ``exchange_rates`` [p, i, j] is ∂f_j/∂f_i with the others fixed, in natural units, NaN where
     f_i or f_j has no weight, the point is not critical or multipliers are not unique; ``exchange_intervals`` [p, i, j]
     are its smallest and largest value, NaN where unknown; ``status`` is "minimum", "saddle" or "undetermined", and
@@ -63,6 +63,16 @@ class Certificates:
 
     def __getitem__(self, rows: Any) -> Certificates:
         return Certificates(**{part.name: getattr(self, part.name)[rows] for part in fields(self)})
+
+    def rescale(self, ranges: Values, others: Values) -> Certificates:
+        """Return the certificates with objectives over ``others`` (n_obj,), minimised sizes, in place of ``ranges``.
+
+        Weights are over the others then. The residual becomes a bound: no gain is a larger share of them.
+        """
+        factors = others / ranges
+        weights = self.weights * factors
+        weights = weights / weights.sum(axis=1, keepdims=True)
+        return replace(self, weights=weights, kkt_residual=self.kkt_residual / factors.min())
 
     def replace_rows(self, rows: Int[np.ndarray, " rows"], others: Certificates) -> Certificates:
         """Return the certificates with those of ``rows`` replaced."""

@@ -34,10 +34,10 @@ class Compromise:
         scores = score_shares(front.shares)
         row = first_row(front, scores)
         worst = int(front.shares[row].argmax())
+        given_up = f", {COMPROMISE_IN_WORDS}: {percent(front.shares[row, worst])}, of {front.names[worst]}"
         return front.choice(
             row,
-            f"{subject(front, row)} is the compromise, {COMPROMISE_IN_WORDS}: "
-            f"{percent(front.shares[row, worst])}, of {front.names[worst]}.",
+            f"{subject(front, row)} is the compromise{given_up if len(front) > 1 else ''}.",
             preference=self,
             score=float(scores[row]),
         )

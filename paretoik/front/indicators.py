@@ -7,11 +7,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from paretoik.arrays import Mask, Objectives, Values
 from paretoik.errors import InvalidInput
+
+if TYPE_CHECKING:
+    from paretoik.front.front import Front
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,6 +80,11 @@ def ranges_of(values: Objectives, sizes: Values | None = None) -> Values:
     width = np.ptp(values, axis=0)
     sizes = np.abs(values).max(axis=0) if sizes is None else sizes
     return np.where(width > OPTIONS.rounding * sizes, width, np.where(sizes > 0, sizes, 1.0))
+
+
+def widths_of(front: Front) -> Values:
+    """Return what certificates of a front divide its objectives by (n_obj,): its ranges, else as ``ranges_of``."""
+    return ranges_of(front.ranges.T, np.abs(front.objectives).max(axis=0))
 
 
 def non_dominated(F: Objectives, tolerance: float = 0.0) -> Mask:

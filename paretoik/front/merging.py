@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Int
 
 from paretoik.errors import InvalidInput
-from paretoik.front.certificates import Certificates
+from paretoik.front.certificates import concatenate
 from paretoik.front.front import Front
+from paretoik.front.indicators import ranges_of, widths_of
 
 if TYPE_CHECKING:  # a comparison merges its fronts with this
     from paretoik.front.comparison import Comparison
@@ -82,12 +83,8 @@ def _joined(name: str, fronts: Sequence[Front], rows: Rows) -> Any:
     if name == "motions":
         return _joined_motions(picked)
     if name == "certificates":
-        return Certificates(
-            **{
-                field.name: np.concatenate([getattr(each, field.name) for each in picked])
-                for field in fields(Certificates)
-            }
-        )
+        merged = ranges_of(np.concatenate([front.minimised[each] for front, each in zip(fronts, rows, strict=True)]))
+        return concatenate([part.rescale(widths_of(front), merged) for front, part in zip(fronts, picked, strict=True)])
     agree = len({each.shape[1:] for each in picked}) == 1
     return np.concatenate(picked) if agree else None
 

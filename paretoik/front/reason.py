@@ -37,7 +37,7 @@ def percent(share: float) -> str:
 
 def quantity(front: Front, name: str, amount: float) -> str:
     """Return an amount of an objective with its unit, with three digits."""
-    return f"{amount:.3g} {front.units[front.names.index(name)]}".rstrip()
+    return f"{float(f'{amount:.3g}'):g} {front.units[front.names.index(name)]}".rstrip()
 
 
 def list_words(words: Sequence[str], conjunction: str = "and") -> str:

@@ -26,7 +26,7 @@ from paretoik.task.objectives import joint_travel
 from paretoik.task.obstacles import Obstacle
 from paretoik.task.path import Path
 from paretoik.task.retraction import task_errors
-from paretoik.task.task import Task
+from paretoik.task.task import Task, describe_errors, error_unit
 
 LOST_STEPS = {
     "held": "no velocities do what the task wants",
@@ -153,13 +153,13 @@ def _check_tracking(task: MotionTask, motion: ResolvedMotion, tolerance: float) 
     jacobian = task_errors(task.arm, task.tasks, q, task.targets[before])[1]
     index = np.unravel_index(i, motion.q.shape[:-2])
     name = f"motion {', '.join(str(int(k)) for k in index)}: " if index else ""
+    distance = describe_errors(task.tasks, motion.traces.errors.reshape(-1, samples, task.rows)[i, sample])
     if sample == 0:
         raise InvalidInput(
-            f"resolve: {name}start is {errors[i, 0]:.3g} m (or rad) off the path's first sample; wants at most "
-            f'{tolerance:g}, or unreachable="track"'
+            f"resolve: {name}start is {distance} off the path's first sample; wants at most "
+            f'{tolerance:g} {error_unit(task.tasks)}, or unreachable="track"'
         )
-    distance = f"{errors[i, sample]:.3g} m or rad off the path"
-    cause = LOST_STEPS[str(status[i, sample - 1])] if broken[i, sample] else distance
+    cause = LOST_STEPS[str(status[i, sample - 1])] if broken[i, sample] else f"{distance} off the path"
     active = _active_limits(task, motion, i, sample) if status[i, before] == "limited" else ""
     cause += f": {active}" if active else ""
     raise Infeasible(

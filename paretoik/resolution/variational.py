@@ -23,6 +23,7 @@ from paretoik.resolution.equation_of_motion import EquationOfMotion, equation_of
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.motion_task_validation import START_TOLERANCE
 from paretoik.task.retraction import retract_nearest, task_errors
+from paretoik.task.task import describe_errors, error_unit
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,12 +68,13 @@ def starts_on_path(task: MotionTask, start: np.ndarray | None) -> np.ndarray:
         raise InvalidInput("variational: wants start postures, the task has no start of its own")
     if q.ndim == 0 or q.shape[-1] != task.arm.dof or not np.isfinite(q).all():
         raise InvalidInput(f"variational: start wants finite postures (..., {task.arm.dof}), got shape {q.shape}")
-    distance = np.abs(task_errors(task.arm, task.tasks, q, task.targets[0])[0]).max(axis=-1, initial=0.0).ravel()
+    errors = np.abs(task_errors(task.arm, task.tasks, q, task.targets[0])[0]).reshape(-1, task.rows)
+    distance = errors.max(axis=1, initial=0.0)
     if (distance > START_TOLERANCE).any():
         worst = int(np.argmax(distance))
         raise InvalidInput(
-            f"variational: start {worst} is {distance[worst]:.3g} m (or rad) off the path's first sample; wants at "
-            f"most {START_TOLERANCE}"
+            f"variational: start {worst} is {describe_errors(task.tasks, errors[worst])} off the path's first sample; "
+            f"wants at most {START_TOLERANCE} {error_unit(task.tasks)}"
         )
     retraction = retract_nearest(task.arm, task.tasks, q, task.targets[0])
     return np.where(retraction.on_path[..., None], retraction.q, q)

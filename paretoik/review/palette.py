@@ -68,8 +68,8 @@ class RecordingPalette:
     ghost: Colour = (84, 93, 110, 255)
     path: Colour = (255, 178, 62, 255)
     tool: Colour = (70, 225, 190, 255)
-    epsilon: Colour = (235, 238, 242, 255)
-    moves: Colour = (110, 160, 255, 200)
+    epsilon: Colour = (230, 215, 120, 255)
+    moves: Colour = (200, 206, 216, 200)
     target: Colour = (150, 155, 165, 255)
     base: Colour = (150, 155, 165, 255)
     body: Colour = (78, 84, 94, 255)
@@ -102,8 +102,8 @@ class RecordingPalette:
 
 
 def objective_label(name: str, unit: str, maximised: bool) -> str:
-    """Return the label of an objective's axis: its name, unit and sense."""
-    return name + (f" [{unit}]" if unit else "") + (", more is better" if maximised else "")
+    """Return the label of an objective's axis: its name, unit ([1] for none) and sense."""
+    return f"{name} [{unit or '1'}]" + (", more is better" if maximised else "")
 
 
 def screen_label(name: str, unit: str, maximised: bool) -> str:

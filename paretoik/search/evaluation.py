@@ -2,33 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, TypeAlias
 
 import numpy as np
+from jaxtyping import Int
 
 from paretoik.arrays import Genes
-from paretoik.errors import InvalidInput
+from paretoik.errors import EvaluationFailed
 from paretoik.search.ask_tell import Outcome
+from paretoik.user_functions import user_function
 
+Rows: TypeAlias = Int[np.ndarray, " _"]  # numbers of rows, as many as there are
 Evaluate: TypeAlias = Callable[[Genes], Mapping[str, Any]]
 
 
 def evaluate_rows(problem: Any, evaluate: Evaluate, X: Genes) -> Outcome:
     """Evaluate a batch; if that raises, each row by itself: functions of users may raise anything, for any row."""
     try:
-        return Outcome.of(problem, evaluate(X.copy()), len(X))
-    except InvalidInput:
-        raise
-    except Exception:
-        outcome = Outcome.of(problem, {}, len(X))
-    for row in range(len(X)):
-        try:
-            alone = Outcome.of(problem, evaluate(X[row : row + 1].copy()), 1)
-            outcome.F[row], outcome.G[row], outcome.H[row] = alone.F[0], alone.G[0], alone.H[0]
-            if alone.causes:
-                outcome.causes[row] = alone.causes[0]
-        except Exception as error:
-            outcome.F[row] = np.nan
-            outcome.causes[row] = f"{type(error).__name__}: {' '.join(str(error).split())}"
-    return outcome
+        with user_function("the problem"):
+            return Outcome.of(problem, evaluate(X.copy()), len(X))
+    except EvaluationFailed as failure:
+        if len(X) == 1:
+            return replace(Outcome.of(problem, {}, 1), causes={0: str(failure)})
+    return joined([(np.array([row]), evaluate_rows(problem, evaluate, X[row : row + 1])) for row in range(len(X))])[1]
+
+
+def joined(parts: Sequence[tuple[Rows, Outcome]]) -> tuple[Rows, Outcome]:
+    """Return rows in order, and their outcome."""
+    if len(parts) == 1:
+        return parts[0]
+    rows = np.concatenate([rows for rows, _ in parts])
+    order = np.argsort(rows)
+    F, G, H = (np.concatenate([getattr(part, name) for _, part in parts])[order] for name in ("F", "G", "H"))
+    causes = {int(rows[i]): cause for rows, part in parts for i, cause in part.causes.items()}
+    rows = rows[order]
+    return rows, Outcome(F=F, G=G, H=H, causes={i: causes[row] for i, row in enumerate(rows.tolist()) if row in causes})

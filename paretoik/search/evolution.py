@@ -6,13 +6,16 @@ import time
 from collections.abc import Callable, Sequence
 from functools import partial
 
+import numpy as np
+
 from paretoik.arrays import Genes
 from paretoik.errors import EvaluationFailed, InvalidInput
 from paretoik.search.ask_tell import Search
 from paretoik.search.constraints import Floats
 from paretoik.search.endings import Ending, Progress
 from paretoik.search.evaluation import Evaluate
-from paretoik.search.generation_evaluation import Evaluation, evaluate_candidates
+from paretoik.search.generation_evaluation import Evaluation, evaluate_again, evaluate_candidates
+from paretoik.user_functions import warn_of_odd_objectives
 
 
 def evolve(
@@ -71,6 +74,9 @@ def _one_generation(search: Search, evaluation: Evaluation) -> None:
             f"first generation: a number from at least one evaluation wanted, all {len(ids)} failed, "
             f"the first with: {search.failed.first_cause}"
         )
+    if candidates.generation == 0:
+        again, signs = evaluate_again(search, candidates, evaluation), np.where(search.maximised, -1.0, 1.0)
+        warn_of_odd_objectives(search.names, outcome.F * signs, again * signs)
 
 
 def _progress(search: Search, past: tuple[Floats, ...], seconds: float) -> Progress:

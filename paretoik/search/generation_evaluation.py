@@ -4,23 +4,20 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
-from jaxtyping import Int
 from pymoo.core.problem import LoopedElementwiseEvaluation
 
-from paretoik.arrays import Genes
+from paretoik.arrays import Genes, Objectives
 from paretoik.distribution import Lost, distribute, workers
 from paretoik.errors import InvalidRun
 from paretoik.journal import Values, key_of, recalled, remembered
 from paretoik.search.ask_tell import Candidates, Outcome, Search
-from paretoik.search.evaluation import Evaluate, evaluate_rows
+from paretoik.search.evaluation import Evaluate, Rows, evaluate_rows, joined
 from paretoik.stop_flag import check_interruption
-
-Rows: TypeAlias = Int[np.ndarray, " _"]  # numbers of rows, as many as there are
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,6 +82,16 @@ def evaluate_candidates(search: Search, candidates: Candidates, evaluation: Eval
     return _outcome(values)
 
 
+def evaluate_again(search: Search, candidates: Candidates, evaluation: Evaluation) -> Objectives:
+    """Return F of the first row of a generation, evaluated once more; from the run's journal where it is there."""
+    of = search.names, search.seed, candidates.generation, "again"
+
+    def compute() -> Values:
+        return _table(_evaluate(evaluation, candidates.X[:1], of))
+
+    return remembered(key_of("again", search.names, search.seed, candidates.generation), compute)["F"]
+
+
 @dataclass(kw_only=True, eq=False)
 class _Parts:
     """What is known of a generation's ``size`` rows, part by part; the last ``new`` ones are not in the journal yet."""
@@ -118,7 +125,7 @@ class _Parts:
         """Let the journal have what is new, unless all is known: that is remembered as a generation."""
         self.since = time.monotonic()
         if self.new and len(self.remaining):
-            rows, outcome = _joined(self.done[-self.new :])
+            rows, outcome = joined(self.done[-self.new :])
             remembered(self.key(self.remembered), lambda: {"rows": rows, **_table(outcome)})
             self.remembered, self.new = self.remembered + 1, 0
 
@@ -134,7 +141,7 @@ def _evaluate(evaluation: Evaluation, X: Genes, of: tuple[object, ...]) -> Outco
             check_interruption()
     finally:
         parts.remember()
-    return _joined(parts.done)[1] if parts.done else evaluate_rows(evaluation.problem, evaluation.evaluate, X)
+    return joined(parts.done)[1] if parts.done else evaluate_rows(evaluation.problem, evaluation.evaluate, X)
 
 
 def _evaluate_here(evaluation: Evaluation, X: Genes, rows: Rows) -> Iterator[tuple[Rows, Outcome]]:
@@ -196,18 +203,6 @@ def _failed(evaluation: Evaluation, lost: Lost) -> Outcome:
 
 def _elementwise(problem: Any) -> bool:
     return bool(getattr(problem, "elementwise", False)) and hasattr(problem, "elementwise_runner")
-
-
-def _joined(parts: Sequence[tuple[Rows, Outcome]]) -> tuple[Rows, Outcome]:
-    """Return rows in order, and their outcome."""
-    if len(parts) == 1:
-        return parts[0]
-    rows = np.concatenate([rows for rows, _ in parts])
-    order = np.argsort(rows)
-    F, G, H = (np.concatenate([getattr(part, name) for _, part in parts])[order] for name in ("F", "G", "H"))
-    causes = {int(rows[i]): cause for rows, part in parts for i, cause in part.causes.items()}
-    rows = rows[order]
-    return rows, Outcome(F=F, G=G, H=H, causes={i: causes[row] for i, row in enumerate(rows.tolist()) if row in causes})
 
 
 def _table(outcome: Outcome) -> dict[str, np.ndarray]:

@@ -84,7 +84,8 @@ class Constraint:
     def violation(self, motion: Motion) -> np.ndarray:
         """Return the largest violation (*batch,) as a fraction of the limit's range; not positive where it holds.
 
-        Raises InvalidInput, naming the constraint, where the function returns another shape or something not real.
+        Raises, naming the constraint, InvalidInput where the function returns another shape or something not real, and
+        EvaluationFailed where it raises.
         """
         motion = motion.instants
         values = evaluate_function(f"constraint {self.name}", self.function, motion, self.form)

@@ -183,8 +183,16 @@ class MotionTask:
         return max(self.min_clearance, 0.01 * characteristic_length(self.arm))
 
     def violation_between(self, motions: Motion) -> Float[np.ndarray, " points"]:
-        """Return the worst violation of the motions' curves on a finer grid, 0 at least; see ``finer_motion``."""
-        return np.maximum(self.violations(finer_motion(motions)).max(axis=1, initial=0.0), 0.0)
+        """Return the worst violation of the motions' curves on a finer grid, 0 at least; see ``finer_motion``.
+
+        It is infinite where a motion leaves its path between samples.
+        """
+        try:
+            return np.maximum(self.violations(finer_motion(motions)).max(axis=1, initial=0.0), 0.0)
+        except Infeasible:
+            if len(motions) == 1:
+                return np.array([np.inf])
+        return np.concatenate([self.violation_between(motions[i : i + 1]) for i in range(len(motions))])
 
     def describe_between(self, motions: Motion, *, tolerance: float = 1e-4) -> str:
         """Return in words which limit motions (points, time, dof) violate most between their samples, and what helps.
@@ -214,7 +222,9 @@ class MotionTask:
         worst = int(np.argmax(violations))
         amount = f"by {100 * violations[worst]:.3g} % of its range"
         name, where = self.limit_names[worst], self._where(worst, motion, numbers)
-        if name == "clearance":
+        if np.isnan(violations[worst]):
+            message = f"{name} is nan{where}"
+        elif name == "clearance":
             message = f"clearance is {self.min_clearance - motion.clearance.min():.3g} m short{where}"
         else:
             message = f"{name} is {'exceeded' if where else 'violated'} {amount}{where}"

@@ -17,7 +17,7 @@ from paretoik.task.objectives import Objective, evaluate_function
 from paretoik.task.obstacles import Obstacle
 from paretoik.task.path import Path
 from paretoik.task.retraction import row_scales, task_errors
-from paretoik.task.task import Task
+from paretoik.task.task import Task, row_units
 
 START_TOLERANCE = 1e-6  # of the arm's length, and rad: a start this near the path is moved onto it
 
@@ -192,9 +192,10 @@ def _check_start(task: MotionTask, start: np.ndarray) -> None:
     )
     worst = int(np.argmax(error / scales))
     if error[worst] > START_TOLERANCE * scales[worst]:
+        unit = row_units(task.tasks)[worst]
         raise InvalidInput(
-            f"start is {error[worst]:.3g} m (or rad) off the path's first sample; wants at most "
-            f"{START_TOLERANCE * scales[worst]:.3g}"
+            f"start is {error[worst]:.3g} {unit} off the path's first sample; wants at most "
+            f"{START_TOLERANCE * scales[worst]:.3g} {unit}"
         )
     if "position" in task.bounds:
         lower, upper = task.bounds["position"][0].T

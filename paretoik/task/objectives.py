@@ -12,6 +12,7 @@ from paretoik.arrays import Values
 from paretoik.errors import InvalidInput
 from paretoik.inputs import check_flag, check_function
 from paretoik.task.motion import Motion
+from paretoik.user_functions import user_function
 
 Form = Literal["integral", "peak", "terminal", "general"]
 Function = Callable[[Motion], np.ndarray]
@@ -35,7 +36,8 @@ class Objective:
     def __call__(self, motion: Motion) -> Values:
         """Return the objective's values (*batch,), in the user's own sign.
 
-        Raises InvalidInput, naming the objective, where the function returns another shape or something not real.
+        Raises, naming the objective, InvalidInput where the function returns another shape or something not real, and
+        EvaluationFailed where it raises.
         """
         name = f"objective {self.name}"
         check_motion(name, motion)
@@ -103,10 +105,14 @@ def check_motion(name: str, motion: object) -> None:
 
 
 def evaluate_function(name: str, function: Function, motion: Motion, form: Form) -> np.ndarray:
-    """Return a function's values after checking shape and type; errors begin with ``name``."""
+    """Return a function's values after checking shape and type; errors begin with ``name``.
+
+    Raises EvaluationFailed where the function raises, InvalidInput where it returns what is no such array.
+    """
     check_motion(name, motion)
     shape = motion.q.shape[:-1] if form in ("integral", "peak") else motion.q.shape[:-2]
-    values = function(motion)
+    with user_function(name):
+        values = function(motion)
     if values is None:
         raise InvalidInput(f"{name} must return an array of shape {shape}, got None (is a return missing?)")
     try:

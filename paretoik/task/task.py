@@ -205,6 +205,24 @@ class Task:
         return {"xyz+z-axis": (0, 1), "xy+angle": (2,)}.get(self.axes or "", (0, 1, 2))
 
 
+def error_unit(tasks: Sequence[Task]) -> str:
+    """Return the unit of the largest error of tasks: m, or with orientations rad, too."""
+    return " or ".join(dict.fromkeys(row_units(tasks)))
+
+
+def row_units(tasks: Sequence[Task]) -> list[str]:
+    """Return the unit of every row of the errors of tasks: m of position, rad of orientation."""
+    return ["m" if row < task.position_rows else "rad" for task in tasks for row in range(task.rows)]
+
+
+def describe_errors(tasks: Sequence[Task], errors: Float[np.ndarray, " rows"]) -> str:
+    """Return in words the largest errors of tasks at a sample: of position in m, of orientation in rad."""
+    largest: dict[str, float] = {}
+    for unit, error in zip(row_units(tasks), np.abs(errors), strict=True):
+        largest[unit] = max(largest.get(unit, 0.0), float(error))
+    return " and ".join(f"{error:.3g} {unit}" for unit, error in largest.items())
+
+
 def path_errors(arm: Arm, tasks: Sequence[Task], q: Components, targets: Components) -> list[Component]:
     """Return the errors of all tasks at joint positions and targets, as components."""
     return _over_tasks(Task.errors, arm, tasks, q, targets)

@@ -25,6 +25,7 @@ from paretoik.robot.kinematics import frame_components, jacobian_components, lin
 from paretoik.task.distances import distance_components
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.task import Task, path_jacobian
+from paretoik.user_functions import user_function
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,11 +239,12 @@ def trace_motion_function(
 ) -> list[Expression | float]:
     """Return the values of a function of a whole motion: one, or one a sample where its form is a series.
 
-    Raises InvalidInput, by ``name``, for a function without derivatives.
+    Raises, by ``name``, InvalidInput for a function without derivatives, EvaluationFailed for one that raises.
     """
     shape = motion.time.shape if form in ("integral", "peak") else ()
     try:
-        value = function(motion)
+        with user_function(name):
+            value = function(motion)
         array = value if isinstance(value, TracedArray) else np.asarray(value)
         if array.dtype.kind not in "fiub":
             raise InvalidInput(f"must return real numbers, got {array.dtype if array.ndim else repr(value)}")
@@ -256,10 +258,12 @@ def trace_motion_function(
 def trace_sample_function(motion: TracedMotion, name: str, function: Callable[[Any], Any]) -> Expression | float | None:
     """Return the value of a function at one sample; None where it combines several samples.
 
-    Raises InvalidInput, by ``name``, for a function without derivatives.
+    Raises, by ``name``, InvalidInput for a function without derivatives, EvaluationFailed for one that raises.
     """
     try:
-        return _sample_value(motion, function(motion))
+        with user_function(name):
+            value = function(motion)
+        return _sample_value(motion, value)
     except NotLocal:
         return None
     except InvalidInput as error:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from paretoik.errors import InvalidInput
+from paretoik.errors import EvaluationFailed, InvalidInput
 from paretoik.stop_flag import check_interruption
 from paretoik.task.limits import LIMIT_TOLERANCE, Constraint, relative_violation
 from paretoik.task.motion import Motion
@@ -103,11 +103,8 @@ def derivative_order(task: MotionTask, term: Series, q: np.ndarray) -> int:
         with np.errstate(all="ignore"):
             try:
                 values = term(instant_motions(task, q, *rates))
-            except InvalidInput:
-                raise
-            except Exception as error:
-                cause = f"{type(error).__name__}: {error}"
-                raise InvalidInput(f"grid_oracle: functions that bear NaN in rates wanted, got {cause}") from error
+            except EvaluationFailed as error:
+                raise InvalidInput(f"grid_oracle: functions that bear NaN in rates wanted, got {error}") from error
         if not np.isnan(values).any():
             return order
     raise InvalidInput("grid_oracle: objectives and limits must be numbers and look no further than accelerations")

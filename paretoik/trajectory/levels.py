@@ -19,6 +19,7 @@ from paretoik.nlp.minimise import minimise, minimise_violation
 from paretoik.nlp.program import Solver
 from paretoik.nlp.solutions import INTERRUPTED, Solutions, concatenate
 from paretoik.stop_flag import Interrupted
+from paretoik.task.evaluation import require_values
 from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.infeasibility import is_clearly_infeasible
 from paretoik.trajectory.level_progress import LevelProgress, ObserveLevel
@@ -85,8 +86,8 @@ def objective_scales(task: MotionTask, q: Float[np.ndarray, "starts samples dof"
 
     Optima are far better than starts; where one start is by chance next to 0, the size is a share of what is usual.
     """
-    motions = task.subsample(q.shape[1]).motion(q)
-    sizes = [np.abs(o(motions)) for o in task.objectives]
+    level = task.subsample(q.shape[1])
+    sizes = [size[np.isfinite(size)] for size in np.abs(require_values(level, level.motion(q)).T)]
     return np.array([max(size.min(), OPTIONS.scale_share * np.quantile(size, 0.25)) or 1.0 for size in sizes])
 
 

@@ -16,6 +16,7 @@ from paretoik.arrays import JointPaths
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.self_motion.branches import branch_labels
 from paretoik.self_motion.motion_starts import rollout_starts, travelling_starts
+from paretoik.task.evaluation import evaluate_motions
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective, objective
 from paretoik.trajectory.grid_oracle import grid_oracle
@@ -104,10 +105,9 @@ def _most_promising(task: MotionTask, q: JointPaths, limit: int) -> Float[np.nda
     """Return the motions to start from: in every branch the best by objectives and limits, the branches in turn."""
     if not len(q):
         return q
-    motions = task.motion(q)
-    values = np.stack([o(motions) * o.sign for o in task.objectives])
-    merit = np.sum(values / np.maximum(np.abs(values).mean(axis=1, keepdims=True), 1e-300), axis=0)
-    violation = np.maximum(task.violations(motions), 0).sum(axis=1) if task.limit_names else np.zeros(len(q))
+    F, limits, _ = evaluate_motions(task, task.motion(q))
+    merit = np.sum(F.T / np.maximum(np.nanmean(np.abs(F.T), axis=1, keepdims=True), 1e-300), axis=0)
+    violation = np.maximum(limits, 0).sum(axis=1)
     order = np.lexsort((merit, np.round(violation, 2)))
     branch = np.array(branch_labels(task.motion(q[order])))
     turn = np.empty(len(order), dtype=int)

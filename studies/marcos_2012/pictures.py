@@ -9,7 +9,6 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from paretoik.review.palette import PAPER
-from paretoik.review.pictures.loop_plots import obstacle_patches
 from paretoik.review.pictures.plots import stroboscopic
 from problems.marcos_2012 import DISTANCES
 from studies.marcos_2012.loops import Cell, CellLoop
@@ -49,7 +48,6 @@ def draw(folder: Path, loops: Sequence[CellLoop]) -> list[Path]:
 
 def _arms(figure: Figure, pair: Sequence[CellLoop]) -> None:
     for axes, one in zip(figure.subplots(1, len(pair), sharey=True), pair, strict=True):
-        obstacle_patches(axes, one.run.task.obstacles)
         stroboscopic(axes, one.run.motion)
         axes.set(title=f"w = {one.cell.weight}", xlabel="x [m]", aspect="equal")
     figure.axes[0].set_ylabel("y [m]")

@@ -79,3 +79,28 @@ def test_a_minimum_stays_beside_it_unless_it_is_dominated_now(problem, saddle):
     assert (front.certificates.status == "minimum").all()
     formulation = require_program("refine", problem)
     assert (front.objectives <= formulation.individuals(minimum).objectives + 1e-12).all(axis=1).any()
+
+
+def check_weights_are_over_the_ranges(front):
+    """Exchange rates, in natural units, are the ratios of the weights over the ranges that the front has."""
+    certificates, low, high = front.certificates, *front.ranges.T
+    natural = certificates.weights / (high - low) * np.where(front.maximised, -1.0, 1.0)
+    expected = -natural[:, :, None] / natural[:, None, :]
+    known = np.isfinite(certificates.exchange_rates) & ~np.eye(len(low), dtype=bool)
+    assert known.any()
+    np.testing.assert_allclose(certificates.exchange_rates[known], expected[known], rtol=1e-6)
+    np.testing.assert_allclose(certificates.weights.sum(axis=1), 1.0, rtol=1e-12)
+
+
+PATH = pk.line((0.4678, 0.0), (0.0983, 0.1526), duration=1.0, samples=15)
+
+
+@pytest.mark.parametrize("second", [pk.peak_torque, pk.manipulability], ids=lambda each: each.name)
+def test_weights_are_over_the_ranges_of_the_front_that_is_returned(second):
+    problem = pk.Tracking(pk.arms.tringali_3r(), PATH, objectives=[pk.kinetic_energy, second])
+    searched = pk.solve(problem, population=16, generations=10, seed=1, refine=True, points=6)
+    swept = pk.epsilon_front(problem, points=4)
+    again = pk.refine(searched[searched.ids[1:-1].tolist()], problem)
+    merged = pk.compare(searched, swept).merged
+    for front in (searched, swept, again, merged):
+        check_weights_are_over_the_ranges(front)

@@ -8,7 +8,7 @@ import pytest
 import paretoik as pk
 from paretoik.api.solve import solve
 from paretoik.errors import InvalidInput, InvalidRun
-from paretoik.formulations.base_motions import evaluate_motions
+from paretoik.task.evaluation import evaluate_motions
 from tests.api.problems import QUICK
 
 

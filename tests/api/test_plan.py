@@ -40,7 +40,7 @@ def test_motions_of_another_length_or_off_the_path_cannot_be_started_from(proble
     motions = one.decode(np.array([[0.5, *np.zeros(one.n_var - 1)]]))
     with pytest.raises(pk.InvalidInput, match=r"initial: motions of .* with 21 samples wanted, got .* with 20"):
         pk.plan(one, initial=one.task.truncate(20).motion(motions.q[:, :20]))
-    with pytest.raises(pk.InvalidInput, match="initial: motions on the path wanted, got one that is"):
+    with pytest.raises(pk.InvalidInput, match="initial: motions on the path wanted, got some that are"):
         pk.plan(one, initial=one.task.motion(motions.q + 0.1))
 
 

@@ -130,6 +130,7 @@ def test_a_run_says_what_ended_it_and_keeps_its_front(problem, ending, status):
     assert len(front)
 
 
+@pytest.mark.filterwarnings("ignore:objective .* different values wanted:RuntimeWarning")
 def test_standing_still_ends_a_run_unless_told_otherwise():
     ended = solve(Constant(2), population=12, generations=30)
     assert ended.provenance["status"] == "stagnation"

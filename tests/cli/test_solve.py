@@ -85,7 +85,7 @@ def test_a_problem_of_which_every_evaluation_fails_names_the_cause_and_ends_with
 def test_a_time_limit_keeps_the_result_and_ends_with_5(paretoik, mine, tmp_path):
     ended = paretoik("solve", f"{mine}:good", "--out", tmp_path / "run", "--time-limit", "0.01")
     assert ended.code == 5
-    assert "(ended by time limit)" in ended.out
+    assert "(the time limit was reached)" in ended.out
     assert len(load_front(tmp_path / "run"))
 
 

@@ -208,7 +208,7 @@ LINE = line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=21)
         ({"cyclic": True}, "cyclic=True wants a closed path"),
         ({"end_velocity": 1.0}, "end_velocity must be None .* got 1.0"),
         ({"start": [np.nan, 0.0, 0.0]}, "start must be 'free' or 3 finite joint positions"),
-        ({"start": [0.1, 0.2, 0.3]}, r"start is 0\.\d+ m \(or rad\) off the path's first sample"),
+        ({"start": [0.1, 0.2, 0.3]}, r"start is 0\.\d+ m off the path's first sample"),
     ],
     ids=["coefficients", "bases", "none", "twice", "differences", "open", "speed", "NaN", "off"],
 )

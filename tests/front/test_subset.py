@@ -67,7 +67,7 @@ def test_what_is_no_part_of_the_front_is_refused_in_one_line(front, ask, words):
     ("answer", "words"),
     [
         (lambda front: 3, "wanted of Own a choice"),
-        (lambda front: 1 / 0, "Own failed with ZeroDivisionError"),
+        (lambda front: 1 / 0, "Own raised ZeroDivisionError"),
         (lambda front: front[[10, 20]].choice(1, "x") and front[[20, 30]].choice(0, "x"), "got point 20 of another"),
     ],
 )

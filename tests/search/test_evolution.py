@@ -80,14 +80,14 @@ def test_one_individual_that_raises_does_not_take_the_others_with_it():
     problem = Raising()
     outcome = evaluate_rows(problem, lambda genes: problem.evaluate(genes, return_as_dictionary=True), X)
     assert np.isnan(outcome.F).all(axis=1).tolist() == [False, False, True, False, False]
-    assert outcome.causes == {2: "ArithmeticError: elbow locked"}
+    assert outcome.causes == {2: "the problem raised ArithmeticError: elbow locked"}
 
 
 def test_a_search_survives_individuals_that_raise_and_names_the_first_cause():
     running = search(Raising())
     assert evolve(running, [Generations(10)]) == "generations"
     assert running.failed.count > 0
-    assert running.failed.first_cause == "ArithmeticError: elbow locked"
+    assert running.failed.first_cause == "the problem raised ArithmeticError: elbow locked"
     assert (running.archive.members.X[:, 1] <= 1.0).all()
 
 
@@ -115,7 +115,7 @@ def test_causes_that_the_evaluation_itself_names_are_kept():
     running = search(problem)
     evolve(running, [Generations(5)])
     assert running.failed.count > 0
-    assert running.failed.first_cause in ("elbow locked", "ArithmeticError: ")
+    assert running.failed.first_cause in ("elbow locked", "the problem raised ArithmeticError")
 
 
 class Broken(Parabolas):
@@ -136,7 +136,7 @@ class Misshapen(Parabolas):
 @pytest.mark.parametrize(
     ("problem", "cause"),
     [
-        (Broken(), "all 10 failed, the first with: TypeError: wrist_effort: unexpected argument"),
+        (Broken(), "all 10 failed, the first with: the problem raised TypeError: wrist_effort: unexpected argument"),
         (Nothing(), "all 10 failed, the first with: objective f1 is nan"),
         (Misshapen(), r"all 10 failed, the first with: .*expected shape \(1, 2\) but provided \(1, 3\)"),
     ],
@@ -162,7 +162,7 @@ def test_ctrl_c_during_an_evaluation_keeps_the_result():
     class Impatient(Parabolas):
         def _evaluate(self, x, out, *args, **kwargs):
             super()._evaluate(x, out)
-            if self.calls == 4:
+            if self.calls == 5:  # of four generations: the first row is evaluated twice
                 raise KeyboardInterrupt
 
     running = search(Impatient())

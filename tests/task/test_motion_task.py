@@ -7,6 +7,7 @@ import numpy as np
 import paretoik as pk
 from paretoik import Limits, Pose, circle, line
 from paretoik.robot.arms import marcos_nr
+from paretoik.self_motion.motion_starts import rollout_starts
 from paretoik.task.obstacles import Circle
 from tests.task.tasks import task
 
@@ -131,3 +132,13 @@ def test_a_binding_clearance_is_told_by_its_name():
     assert result.describe_violation(result.motion(np.zeros((21, 3)))).startswith(
         "clearance is 0.06 m short at sample 0"
     )
+
+
+def test_a_motion_that_leaves_its_path_between_samples_is_infinitely_off_and_no_other():
+    """Where the first joint turns once around between two samples, the curve passes far from the path."""
+    limited = task(limits=Limits(velocity=2.0), path=line([0.35, 0.0], [0.3, 0.1], duration=1.0, samples=11))
+    (smooth,) = rollout_starts(limited, 1, np.random.default_rng(0))
+    turning = smooth + 2 * np.pi * np.outer(np.arange(11) % 2, [1.0, 0.0, 0.0])
+    alone = limited.violation_between(limited.motion(smooth[None]))
+    both = limited.violation_between(limited.motion(np.stack([smooth, turning])))
+    np.testing.assert_array_equal(both, [alone[0], np.inf])

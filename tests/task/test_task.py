@@ -13,6 +13,7 @@ from paretoik.robot.arms import marcos_nr
 from paretoik.robot.kinematics import forward_kinematics, link_frames
 from paretoik.robot.pose import quaternion_to_matrix, rotation_vector
 from paretoik.task.retraction import task_errors
+from paretoik.task.task import describe_errors, error_unit, row_units
 from tests.formulations.problems import panda, random_arm
 
 SLIDING = Arm.from_dh(
@@ -269,3 +270,15 @@ def test_half_a_turn_of_exact_right_angles_about_any_axis_is_seen_as_half_a_turn
         error, _ = task_errors(arm, [task], np.zeros((1, 7)), targets)
         turn = error[0, 3:]
         np.testing.assert_allclose(turn * np.sign(turn @ unit), np.pi * unit, atol=1e-9)
+
+
+@every_kind
+def test_errors_are_told_in_metres_and_radians_apart(arm, axes, path):
+    tasks = [Task(path, axes=axes).resolve_axes(arm), Task(POINTS_2D, axes="xy").resolve_axes(arm)]
+    units = row_units(tasks)
+    moved = np.zeros(len(units))
+    moved[units.index("m")] = -0.25
+    turned = axes in ("xy+angle", "xyz+z-axis", "pose")
+    assert describe_errors(tasks, moved) == ("0.25 m and 0 rad" if turned else "0.25 m")
+    assert error_unit(tasks) == ("m or rad" if turned else "m")
+    assert len(units) == sum(task.rows for task in tasks)

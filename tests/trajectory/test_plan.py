@@ -84,7 +84,9 @@ def test_a_function_that_fails_where_the_grid_probes_is_planned_for_without_its_
     problem = pk.Tracking(
         original.task.arm, original.task.tasks, objectives=[strict], start=tringali_2021.START, differences="backward"
     )
-    with pytest.raises(InvalidInput, match="functions that bear NaN in rates wanted, got ValueError: nan given"):
+    with pytest.raises(
+        InvalidInput, match="functions that bear NaN in rates wanted, got objective strict raised ValueError: nan given"
+    ):
         grid_oracle(problem.task, quick=True)
     assert pk.plan(problem).best.objective < 1.001 * pk.plan(original).best.objective
 

@@ -8,13 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from paretoik.errors import InvalidInput, ParetoikError
+from paretoik.errors import InvalidInput
 from paretoik.front.choice import Choice, Preference
 from paretoik.front.compromise import Compromise
 from paretoik.front.front import Front
 from paretoik.front.preferences.knee import Knee
 from paretoik.front.preferences.point import Point
 from paretoik.front.preferences.weights import Weights
+from paretoik.user_functions import user_function
 
 BY_NAME: dict[str, Callable[[], Preference]] = {"knee": Knee, "compromise": Compromise}  # those that need no numbers
 
@@ -46,13 +47,8 @@ def ask(preference: Preference, front: Front) -> Choice:
     Raises InvalidInput where it fails, or returns anything but a choice of this front.
     """
     kind = type(preference).__name__
-    try:
+    with user_function(f"select: {kind}", InvalidInput):
         choice: object = preference.choose(front)
-    except ParetoikError:
-        raise
-    except Exception as error:  # a user's own may raise anything
-        message = " ".join(str(error).split())
-        raise InvalidInput(f"select: {kind} failed with {type(error).__name__}: {message}") from error
     if not isinstance(choice, Choice):
         raise InvalidInput(f"select: wanted of {kind} a choice, front.choice(row, verdict), got {choice!r}")
     rows = np.flatnonzero(front.ids == choice.id)

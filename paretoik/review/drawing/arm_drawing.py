@@ -19,7 +19,7 @@ from paretoik.review.drawing.label_places import label_place
 from paretoik.review.drawing.link_hulls import LinkHulls
 from paretoik.review.drawing.obstacle_drawing import bodies, extent, hatch
 from paretoik.review.drawing.screen_text import screen_text
-from paretoik.review.drawing_options import SCENES
+from paretoik.review.drawing_options import MARKS, SCENES
 from paretoik.review.obstacle_outlines import outline
 from paretoik.review.palette import SCREEN, Colour
 from paretoik.review.recording.workcell import Workcell
@@ -80,16 +80,17 @@ class ArmDrawing:
         layer: str,
         columns: Sequence[rr.TimeColumn],
         links: Links,
-        *,
-        colour: Colour,
-        solid: bool,
+        axis: int | None,
     ) -> None:
-        """Draw an arm in each posture of ``links``, a row of ``columns`` each; solid with its width, or thin."""
+        """Draw an arm in each posture of ``links``, a row of ``columns`` each.
+
+        The chosen one, without an ``axis``, is solid, with its width; those of axes are thin, each on those before.
+        """
         placed, (rows, nodes, _) = self.place(links), links.shape
         kind, dots = self._kinds
-        for part in self._log_style(recording, layer, nodes, colour, solid):
+        for part in self._log_style(recording, layer, nodes, axis):
             recording.send_columns(f"{self.entity}/{layer}/{part}", columns, kind.columns(strips=list(placed)))
-        if solid and self._hulls is not None:
+        if axis is None and self._hulls is not None:
             self._hulls.send(recording, f"{self.entity}/{layer}/body", columns, links)
         positions = dots.columns(positions=placed.reshape(rows * nodes, -1)).partition([nodes] * rows)
         recording.send_columns(f"{self.entity}/{layer}/joints", columns, positions)
@@ -99,33 +100,33 @@ class ArmDrawing:
         recording: rr.RecordingStream,
         layer: str,
         links: Float[np.ndarray, "nodes 3"],
-        *,
-        colour: Colour,
-        solid: bool,
+        axis: int | None,
     ) -> None:
         """Draw an arm in a posture at the current time, as ``send_arms`` does."""
         placed = self.place(links)
         kind, dots = self._kinds
-        for part in self._log_style(recording, layer, len(links), colour, solid):
+        for part in self._log_style(recording, layer, len(links), axis):
             recording.log(f"{self.entity}/{layer}/{part}", kind.from_fields(strips=[placed]))
-        if solid and self._hulls is not None:
+        if axis is None and self._hulls is not None:
             self._hulls.log_posture(recording, f"{self.entity}/{layer}/body", links)
         recording.log(f"{self.entity}/{layer}/joints", dots.from_fields(positions=placed))
 
-    def _log_style(
-        self, recording: rr.RecordingStream, layer: str, nodes: int, colour: Colour, solid: bool
-    ) -> list[str]:
+    def _log_style(self, recording: rr.RecordingStream, layer: str, nodes: int, axis: int | None) -> list[str]:
         """Log the colours and widths of an arm, for all times; return the entities of its lines."""
         entity, (kind, dots) = f"{self.entity}/{layer}", self._kinds
-        parts = {"links": (rr.Radius.ui_points(3.2 if solid else 1.6), colour, 5.0 if solid else 7.0)}
+        solid, place = axis is None, 0 if axis is None else axis % len(MARKS.arms)
+        widths = (MARKS.solid_arm, MARKS.arms[place]) if self.planar else MARKS.spatial_arms
+        colour, width = (SCREEN.arm if axis is None else SCREEN.end(axis)), widths[0 if solid else 1]
+        order = 5.0 if solid else 7.0 + 0.1 * place
+        parts: dict[str, tuple[Any, Colour, float]] = {"links": (rr.Radius.ui_points(width), colour, order)}
         if solid and self._width and self.planar:
             parts["body"] = (self._width, SCREEN.body, 2.0)
-        for part, (radius, tint, order) in parts.items():
-            style = kind.from_fields(colors=tint, radii=radius, **self._order(order))
+        for part, (radius, tint, above) in parts.items():
+            style = kind.from_fields(colors=tint, radii=radius, **self._order(above))
             recording.log(f"{entity}/{part}", style, static=True)
-        sizes = rr.Radius.ui_points(([4.8] if solid else [2.4]) * (nodes - 1) + [6.0 if solid else 3.0])
+        sizes = rr.Radius.ui_points([1.5 * width] * (nodes - 1) + [1.875 * width])
         tints = [colour] * (nodes - 1) + [SCREEN.tool if solid else colour]
-        style = dots.from_fields(colors=tints, radii=sizes, **self._order(6.0 if solid else 8.0))
+        style = dots.from_fields(colors=tints, radii=sizes, **self._order(order + 0.05))
         recording.log(f"{entity}/joints", style, static=True)
         return list(parts)
 

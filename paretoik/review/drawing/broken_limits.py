@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.review.drawing.joint_charts import is_sliding
 from paretoik.review.drawing_options import DRAWING
+from paretoik.review.joint_units import is_sliding
 from paretoik.review.recording.recorded_point import RecordedMotion, joint_curves
 from paretoik.review.recording.workcell import Workcell
 from paretoik.task.limits import JOINT_UNITS, limit_ranges

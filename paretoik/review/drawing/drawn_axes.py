@@ -42,7 +42,8 @@ class Canvas:
     """A window (lower and upper corner) of a plane with a label an axis, ``width`` by ``height`` large at ``origin``.
 
     ``ticked`` says which axes have ticks and their label; without, a neighbour has them. ``label_drop`` moves the label
-    below further down, out of a neighbour's way; no label reaches beyond the ``right_edge`` of the view.
+    below further down, out of a neighbour's way; no label reaches beyond the ``right_edge`` of the view. Right of the
+    frame ``side_room`` [pixels] are free.
     """
 
     low: Values
@@ -54,6 +55,7 @@ class Canvas:
     ticked: tuple[bool, bool] = (True, True)
     label_drop: float = 0.0
     right_edge: float = np.inf
+    side_room: float = 0.0
 
     def place(self, points: np.ndarray) -> np.ndarray:
         """Return where `points` (..., 2) lie on the view."""
@@ -76,6 +78,11 @@ class Canvas:
         (x, y), size = self.origin, TEXT
         x_range = [x - size.left, x + self.width + right]
         return rrb.VisualBounds2D(x_range=x_range, y_range=[y - size.top, y + self.height + size.bottom])
+
+    @property
+    def upper_label_end(self) -> float:
+        """Where the label of the axis upwards ends, above the frame."""
+        return float(self.origin[0] - 0.8 * TEXT.left + text_width(self.labels[1]))
 
     def log(self, recording: rr.RecordingStream, entity: str, *, static: bool) -> None:
         """Draw frame, grid, ticks and labels."""

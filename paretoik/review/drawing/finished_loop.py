@@ -55,12 +55,15 @@ class FinishedLoop:
             self._motions.log(stream)
 
     def _log_beginning(self, stream: rr.RecordingStream) -> None:
-        """Say at step 0 why it has no front, and let the cursors stand at the first step that has one."""
+        """Say at step 0, beside its picture and in it, why it has no front; cursors stand at the first that has one."""
         if not self._steps or self._steps[0].number == 0:
             return
         self._set_time(stream, 0)
         stream.log(TEXT, rr.TextDocument(beginning_text(self._steps[0].number), media_type="text/markdown"))
         self._views.log_cursors(stream, self._steps[0].number)
+        self._views.log_note(stream, f"no front before step {self._steps[0].number}")
+        self._set_time(stream, self._steps[0].number)
+        self._views.log_note(stream, "")
 
     def _set_time(self, stream: rr.RecordingStream, step: int) -> None:
         stream.reset_time()

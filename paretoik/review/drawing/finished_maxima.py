@@ -12,7 +12,7 @@ import rerun.blueprint as rrb
 
 from paretoik.review.drawing.arm_drawing import ArmDrawing
 from paretoik.review.drawing.curve_charts import Chart, LimitLine
-from paretoik.review.drawing.joint_charts import joint_units, limit_lines
+from paretoik.review.drawing.joint_charts import limit_lines
 from paretoik.review.drawing.legend import Legend
 from paretoik.review.drawing.legend_entries import maxima_entries
 from paretoik.review.drawing.maxima_panel import MaximaPanel
@@ -21,6 +21,7 @@ from paretoik.review.drawing.motion_scene import CHOSEN
 from paretoik.review.drawing.recording_layout import TEXT, Layout, note_view, text_view
 from paretoik.review.drawing.search_charts import DrawnChart
 from paretoik.review.drawing_options import DRAWING, SCENES
+from paretoik.review.joint_units import joint_units
 from paretoik.review.palette import SCREEN
 from paretoik.review.recording.measured_maxima import MaximaEnd, MaximaScene
 from paretoik.robot.kinematics import link_nodes
@@ -71,7 +72,7 @@ class FinishedMaxima:
         stream.log(f"{drawing.entity}/direction/line", drawing.strips([arrow], SCREEN.chosen, 2.0, 9.0))
         stream.log(f"{drawing.entity}/direction/head", drawing.points(arrow[1:], SCREEN.chosen, 4.5, 9.0))
         if is_reached[-1]:
-            drawing.log_arm(stream, CHOSEN, self._links[number - 1], colour=SCREEN.arm, solid=True)
+            drawing.log_arm(stream, CHOSEN, self._links[number - 1], None)
             if drawing.meshes is not None:
                 drawing.meshes.log_posture(stream, self.end.q[number - 1])
         else:

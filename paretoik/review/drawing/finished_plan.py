@@ -92,7 +92,7 @@ class FinishedPlan:
         self._at_the_end(stream)
         count = len(self._panel.starts)
         self._panel.log_until(stream, count, ended=True)
-        self._log_text(stream, plan_end_text(self.scene, end, count))
+        self._log_text(stream, plan_end_text(self.scene, end, self._lasts[0] if self._lasts else 0, count))
         stream.log("search/optima", rr.AnyValues(objective=[float(each.point.objectives[0]) for each in end.optima]))
         for chart, _, _ in self._charts:
             chart.log_cursor(stream, float(len(self.messages) - 1))
@@ -122,7 +122,7 @@ class FinishedPlan:
         for number, level, row, points in self._walk:
             stream.reset_time()
             stream.set_time("start", sequence=number)
-            self._panel.log_until(stream, number)
+            self._panel.log_until(stream, number, looked_at=number)
             self._panel.log_start(stream, number)
             self._log_text(stream, start_text(self.scene, level, row))
             for chart, _, _ in self._charts:

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
+from jaxtyping import Float
 
 from paretoik.arrays import Objectives
 from paretoik.front.front import Front
@@ -113,7 +114,7 @@ class FinishedSearch:
         self._at_the_end(stream)
         scene, points, canvases = self.search.scene, self._end_points, self._views.canvases
         scene.log_points(stream, "front", front.objectives, canvases, ids=front.ids, named=True)
-        scene.log_marked(stream, points, canvases, avoided=self._drawn)
+        scene.log_marked(stream, points, canvases, avoided=self._drawn, taken=self._lines)
         if self._views.parallel is not None:
             chosen = None if self._end.choice is None else self._end.choice.objectives
             scene.log_lines(stream, self._views.parallel, front.objectives, chosen)
@@ -146,7 +147,13 @@ class FinishedSearch:
             stream.reset_time()
             stream.set_time("point", sequence=number)
             self.search.scene.log_looked_at(
-                stream, point, self._views.canvases, self._views.parallel, avoided=self._drawn, marked=self._end_points
+                stream,
+                point,
+                self._views.canvases,
+                self._views.parallel,
+                avoided=self._drawn,
+                marked=self._end_points,
+                taken=self._lines,
             )
             words = point_text(front, int(np.flatnonzero(front.ids == point.id)[0]), chosen=self._end.choice)
             stream.log(TEXT, rr.TextDocument(words, media_type="text/markdown"))
@@ -170,6 +177,12 @@ class FinishedSearch:
         """What is drawn of the end, and of the last generation behind it."""
         front = [] if self._end.front is None else [self._end.front.objectives]
         return np.concatenate([*front, *(each.population for each in self._generations[-1:])])
+
+    @cached_property
+    def _lines(self) -> Float[np.ndarray, "points 2"]:
+        """Points [pixels] on the lines of the last generation, which stand at the end."""
+        last = self._generations[-1:]
+        return self.search.scene.line_points(last[0], self._views.canvases) if last else np.zeros((0, 2))
 
     @property
     def _is_walked(self) -> bool:

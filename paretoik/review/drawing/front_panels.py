@@ -73,6 +73,7 @@ class Panels:
             ticked=(row == rows - 1, column == 0) if matrix else (True, True),
             label_drop=down,
             right_edge=VIEWS.panels[0] - TEXT.left,
+            side_room=(columns - 1 - column) * (width + across) if matrix and column == row else 0.0,
         )
 
     @property

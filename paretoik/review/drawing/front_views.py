@@ -51,10 +51,16 @@ class FrontViews:
 
     def log_generation(self, stream: rr.RecordingStream, generation: Generation, words: str) -> None:
         """Draw a generation or step at the current time, with what is said of it."""
-        self.search.scene.log_generation(stream, generation, self.canvases, self.parallel)
+        final = None if self.search.end.front is None else self.search.end.front.objectives
+        behind = None if self.search.scene.timeline == "step" else final
+        self.search.scene.log_generation(stream, generation, self.canvases, self.parallel, behind=behind)
         log_series(self.search.scene, stream, generation)
         stream.log(TEXT, rr.TextDocument(words, media_type="text/markdown"))
         self.log_cursors(stream, generation.number)
+
+    def log_note(self, stream: rr.RecordingStream, words: str) -> None:
+        """Say where points would be why there are none, at the current time; without words, no longer."""
+        self.search.scene.log_note(stream, self.canvases, words)
 
     def log_cursors(self, stream: rr.RecordingStream, number: int) -> None:
         """Let the cursors of charts stand at a generation or step, at the current time."""

@@ -6,13 +6,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from paretoik.arrays import Times, Values
 from paretoik.review.drawing.curve_charts import Chart, LimitLine
+from paretoik.review.joint_units import is_sliding, joint_units
 from paretoik.review.palette import SCREEN
 from paretoik.review.recording.workcell import Workcell
-from paretoik.robot.arm import Arm
 from paretoik.task.limits import JOINT_UNITS
 
 CurvedMotion = tuple[np.ndarray, Mapping[str, np.ndarray]]  # times (time,), and (time, dof) by kind
@@ -92,17 +92,6 @@ def _shared(limits: Float[np.ndarray, "time dof"]) -> list[tuple[Times, list[int
         if np.isfinite(values).any():
             joints.setdefault((values + 0.0).tobytes(), []).append(number)
     return [(limits[:, numbers[0]].copy(), numbers) for numbers in joints.values()]
-
-
-def joint_units(arm: Arm, units: tuple[str, str]) -> str:
-    """Return the units of an arm's joints of two, of turning and of sliding ones."""
-    (turning, straight), sliding = units, is_sliding(arm)
-    return " or ".join(dict.fromkeys([turning] * bool((~sliding).any()) + [straight] * bool(sliding.any())))
-
-
-def is_sliding(arm: Arm) -> Bool[np.ndarray, " dof"]:
-    """Say which joints slide."""
-    return np.array([kind == "prismatic" for kind in arm.joint_types])
 
 
 def _points(time: Times, values: Float[np.ndarray, "time dof"]) -> np.ndarray:

@@ -1,8 +1,9 @@
-"""Where the label of a mark covers least of what else is drawn."""
+"""Where the label of a mark covers least of what else is drawn, and the line that joins the two."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TypeAlias
 
 import numpy as np
 import rerun as rr
@@ -11,10 +12,19 @@ from jaxtyping import Float
 from paretoik.arrays import Objectives, Values
 from paretoik.review.drawing.drawn_axes import TEXT, Canvas, labels, text_width
 from paretoik.review.drawing_options import MARKS
+from paretoik.review.label_candidates import (
+    NO_LINES,
+    Lines,
+    count_covered,
+    count_crossed,
+    freest_place,
+    places_beside,
+    places_between,
+)
 from paretoik.review.palette import Colour
 
 Labelled = tuple[Values, str]  # the objectives of a point and what its label says
-SIDES = np.array([(1, 0), (-1, 0), (0, -1), (0, 1), (1, -1), (-1, -1), (1, 1), (-1, 1)], dtype=float)
+DrawnLabel: TypeAlias = tuple[rr.Points2D, rr.LineStrips2D]  # the words, and the line from them to their mark
 
 
 def label_place(
@@ -24,41 +34,104 @@ def label_place(
 
     It lies within the frame wherever that has room.
     """
-    lines = words.split("\n")
-    half = np.array([0.5 * text_width(max(lines, key=len)) + 8.0, 0.5 * TEXT.line + _below_first(words)])
+    half = half_size(words)
+    distances = tuple(MARKS.clearance + (step - 1.0) * TEXT.line for step in MARKS.label_steps)
+    middles = places_beside(mark, half, distances)
     low, high = canvas.origin, canvas.origin + np.array([canvas.width, canvas.height])
-    middles = np.concatenate(
-        [mark + SIDES * (half + MARKS.clearance + (step - 1.0) * TEXT.line) for step in MARKS.label_steps]
-    )
-    covered = (np.abs(others[None] - middles[:, None]) < half + 4.0).all(axis=2).sum(axis=1)
     outside = ((middles - half < low) | (middles + half > high)).any(axis=1)
+    covered = count_covered(middles, half, others, gap=MARKS.label_gap)
     return np.asarray(middles[(covered + MARKS.outside * outside).argmin()])
+
+
+def joined_label_place(
+    canvas: Canvas,
+    mark: Float[np.ndarray, " 2"],
+    words: str,
+    others: Float[np.ndarray, "marks 2"],
+    lines: Lines = NO_LINES,
+) -> Float[np.ndarray, " 2"]:
+    """Return the middle of the label of a `mark` that a line joins to it: where beside it none is free, farther off.
+
+    Farther off are all places in the frame, then those of the margins, which nothing else is drawn in. The line crosses
+    none of ``lines`` where that can be.
+    """
+    half, near = half_size(words), label_place(canvas, mark, words, others)
+    is_covering = count_covered(near[None], half, others, gap=MARKS.label_gap).any()
+    if not is_covering and not count_crossed(mark, np.clip(mark, near - half, near + half)[None], lines).any():
+        return near
+    middles = np.concatenate([near[None], _frame_places(canvas, half), _margin_places(canvas, half)])
+    return freest_place(middles, half, mark, others, MARKS.label_gap, lines)
+
+
+def half_size(words: str) -> Float[np.ndarray, " 2"]:
+    """Return half the width and height of a label [pixels]."""
+    longest = max(words.split("\n"), key=len)
+    return np.array([0.5 * text_width(longest) + 8.0, 0.5 * TEXT.line + _below_first(words)])
 
 
 def label_points(
     canvas: Canvas, mark: Float[np.ndarray, " 2"], words: str, others: Float[np.ndarray, "marks 2"]
 ) -> Float[np.ndarray, "area 2"]:
-    """Return points all over the label of a `mark`, for others to keep clear of."""
-    middle, longest = label_place(canvas, mark, words, others), max(words.split("\n"), key=len)
+    """Return points all over the joined label of a `mark`, for others to keep clear of."""
+    return label_area(joined_label_place(canvas, mark, words, others), words)
+
+
+def label_lines(mark: Float[np.ndarray, " 2"], middle: Float[np.ndarray, " 2"], words: str) -> Lines:
+    """Return the line from a `mark` to its label, and the label's diagonals, for other lines not to cross."""
+    half = half_size(words)
+    across = half * [1.0, -1.0]
+    return np.array([[mark, middle], [middle - half, middle + half], [middle - across, middle + across]])
+
+
+def label_area(middle: Float[np.ndarray, " 2"], words: str) -> Float[np.ndarray, "area 2"]:
+    """Return points all over a label around its `middle`."""
+    longest = max(words.split("\n"), key=len)
     wide = np.array([0.5 * text_width(longest), 0.4 * TEXT.line + _below_first(words)])
     grid = np.stack(np.meshgrid(np.linspace(-1.0, 1.0, 9), np.linspace(-1.0, 1.0, 3)), axis=-1).reshape(-1, 2)
     return np.asarray(middle + wide * grid)
 
 
 def named_area(
-    canvas: Canvas, labelled: Labelled, columns: list[int], avoided: Objectives | None
-) -> Float[np.ndarray, "area 2"]:
-    """Return points all over the label of a point that is off what is ``avoided``; none where it is not shown."""
-    place, words = labelled
-    places = place[None, columns]
+    canvas: Canvas,
+    labelled: Labelled | None,
+    columns: list[int],
+    avoided: Objectives | None,
+    taken: Float[np.ndarray, "taken 2"] | None = None,
+) -> tuple[Float[np.ndarray, "area 2"], Lines]:
+    """Return what is ``taken`` [pixels] with the label of a point off it and off what is ``avoided``, and its lines.
+
+    Of a point that is not shown, or None, there is no label.
+    """
+    area = np.zeros((0, 2)) if taken is None else taken
+    if labelled is None or not canvas.shows(labelled[0][None, columns])[0]:
+        return area, NO_LINES
+    places, words = labelled[0][None, columns], labelled[1]
     at = canvas.place(places if avoided is None else np.concatenate([places, avoided[:, columns]]))
-    return label_points(canvas, at[0], words, at) if canvas.shows(places)[0] else at[:0]
+    others = np.concatenate([at, area])
+    middle = joined_label_place(canvas, at[0], words, others)
+    return np.concatenate([area, label_area(middle, words)]), label_lines(at[0], middle, words)
 
 
-def placed_label(canvas: Canvas, mark: np.ndarray, words: str, others: np.ndarray, colour: Colour) -> rr.Points2D:
-    """Return the label of a `mark` at the best place for it."""
-    first = label_place(canvas, mark, words, others) - (0.0, _below_first(words))
-    return labels([words], first[None], colour)
+def joined_label(
+    canvas: Canvas, mark: np.ndarray, words: str, others: np.ndarray, colour: Colour, lines: Lines = NO_LINES
+) -> DrawnLabel:
+    """Return the label of a `mark` at the best place for it, and where that is farther off a line to it."""
+    middle, half = joined_label_place(canvas, mark, words, others, lines), half_size(words)
+    edge = np.clip(mark, middle - half, middle + half)
+    joins = [np.stack([mark, edge])] if np.linalg.norm(edge - mark) > MARKS.leader else []
+    line = rr.LineStrips2D(joins, colors=colour, radii=rr.Radius.ui_points(0.6), draw_order=3.8)
+    return labels([words], (middle - (0.0, _below_first(words)))[None], colour), line
+
+
+def no_label() -> DrawnLabel:
+    """Return what takes a label away."""
+    return rr.Points2D([]), rr.LineStrips2D([])
+
+
+def line_points(ends: Float[np.ndarray, "lines 2 2"]) -> Float[np.ndarray, "points 2"]:
+    """Return points along lines [pixels], so near each other that no label lies between two of them."""
+    shares = np.linspace(0.0, 1.0, MARKS.line_points)[:, None]
+    return np.concatenate([np.zeros((0, 2)), *(start + shares * (end - start) for start, end in ends)])
 
 
 def log_name(
@@ -70,16 +143,40 @@ def log_name(
     colour: Colour,
     static: bool = False,
     taken: Float[np.ndarray, "area 2"] | None = None,
+    lines: Lines = NO_LINES,
 ) -> None:
     """Label the first of some places, off all of them, with the first of ``words``; without, take its label away.
 
-    It has none where the `canvas` does not show its place. What is ``taken`` [pixels] belongs to another label.
+    It has none where the `canvas` does not show its place. What is ``taken`` [pixels] belongs to other labels or lines;
+    the line to it crosses none of ``lines`` where that can be.
     """
-    at, label = canvas.place(places), rr.Points2D([])
+    at, label = canvas.place(places), no_label()
     if words and canvas.shows(places[:1])[0]:
         others = at if taken is None else np.concatenate([at, taken])
-        label = placed_label(canvas, at[0], words[0], others, colour)
-    recording.log(list(entity), label, static=static)
+        label = joined_label(canvas, at[0], words[0], others, colour, lines)
+    recording.log(list(entity), *label, static=static)
+
+
+def _frame_places(canvas: Canvas, half: Float[np.ndarray, " 2"]) -> Float[np.ndarray, "places 2"]:
+    """Return where a label of half a size lies within the frame."""
+    low, high = canvas.origin + half, canvas.origin + np.array([canvas.width, canvas.height]) - half
+    return places_between(low, high, MARKS.label_grid) if (low <= high).all() else np.zeros((0, 2))
+
+
+def _margin_places(canvas: Canvas, half: Float[np.ndarray, " 2"]) -> Float[np.ndarray, "places 2"]:
+    """Return where a label lies above the frame, beside what the axis upwards is called, or right of it."""
+    (x, y), right = canvas.origin, canvas.origin[0] + canvas.width
+    begin = max(x, canvas.upper_label_end + 6.0) if canvas.ticked[1] else x
+    places = [np.zeros((0, 2))]
+    if 2 * half[1] <= TEXT.top and begin + 2 * half[0] <= right + canvas.side_room:
+        above = y - 0.95 * TEXT.line
+        places.append(
+            places_between(np.array([begin + half[0], above]), np.array([right - half[0], above]), MARKS.label_grid)
+        )
+    if 2 * half[0] + 8.0 <= canvas.side_room:
+        low = np.array([right + 8.0 + half[0], y + half[1]])
+        places.append(places_between(low, np.array([low[0], y + canvas.height - half[1]]), MARKS.label_grid))
+    return np.concatenate(places)
 
 
 def _below_first(words: str) -> float:

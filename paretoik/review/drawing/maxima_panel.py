@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -12,7 +13,7 @@ import rerun.blueprint as rrb
 
 from paretoik.review.drawing.drawn_axes import Canvas, equal_window
 from paretoik.review.drawing.ground import Ground
-from paretoik.review.drawing.label_places import placed_label
+from paretoik.review.drawing.label_places import joined_label, no_label
 from paretoik.review.palette import SCREEN, Colour
 from paretoik.review.recording.measured_maxima import MaximaEnd, MaximaScene
 
@@ -69,19 +70,19 @@ class MaximaPanel:
         arrow = [np.stack([np.zeros(3), tip]) for tip in chosen]
         recording.log(f"{ENTITY}/chosen/ray", self._strips(arrow, SCREEN.chosen, 2.0, 4.0))
         recording.log(f"{ENTITY}/chosen/tip", self._points(chosen, SCREEN.chosen, 6.0, 5.0))
-        recording.log(f"{ENTITY}/chosen/name", self._name(chosen, f"direction {count}"))
+        recording.log(f"{ENTITY}/chosen/name", *self._name(chosen, f"direction {count}"))
 
-    def _name(self, tip: np.ndarray, words: str) -> Any:
+    def _name(self, tip: np.ndarray, words: str) -> Sequence[Any]:
         """Return the name of a tip (0 or 1, 3), in the plane off all rays and corners."""
         if not len(tip):
-            return rr.Points2D([]) if self.planar else rr.Points3D([])
+            return no_label() if self.planar else [rr.Points3D([])]
         if not self.planar:
             radii = rr.Radius.ui_points(0.0)
-            return rr.Points3D(1.12 * tip, labels=[words], show_labels=True, colors=SCREEN.chosen, radii=radii)
+            return [rr.Points3D(1.12 * tip, labels=[words], show_labels=True, colors=SCREEN.chosen, radii=radii)]
         shares = np.linspace(0.0, 1.0, 12)[:, None, None]
         rays = (shares * self.tips[np.isfinite(self.tips).all(axis=1), :2]).reshape(-1, 2)
         at = self._canvas.place
-        return placed_label(self._canvas, at(tip[0, :2]), words, at(rays), SCREEN.chosen)
+        return joined_label(self._canvas, at(tip[0, :2]), words, at(rays), SCREEN.chosen)
 
     @property
     def planar(self) -> bool:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from paretoik.review.drawing.point_text import run_text
 from paretoik.review.drawing.screen_text import screen_text
 from paretoik.review.drawing_options import DRAWING
 from paretoik.review.recording.measured_maxima import MaximaEnd, MaximaScene
+from paretoik.review.run_words import run_text
 
 
 def maximum_text(scene: MaximaScene, end: MaximaEnd, number: int) -> str:

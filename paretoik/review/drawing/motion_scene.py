@@ -156,10 +156,8 @@ class MotionScene:
         axis: int | None,
     ) -> None:
         """Let the arm of a layer stand in postures, a row of ``columns`` each; the chosen one, without axis, solid."""
-        chosen = axis is None
-        colour = SCREEN.arm if axis is None else SCREEN.end(axis)
-        self.drawing.send_arms(recording, layer, columns, self._links(q), colour=colour, solid=chosen)
-        if chosen and self.drawing.meshes is not None:
+        self.drawing.send_arms(recording, layer, columns, self._links(q), axis)
+        if axis is None and self.drawing.meshes is not None:
             self.drawing.meshes.send(recording, columns, q)
 
     def layer(self, point: RecordedPoint) -> str:
@@ -178,15 +176,8 @@ class MotionScene:
         """Let the arm of a point stand at a sample of its motion, at the current time."""
         motion = point.motion
         assert motion is not None
-        links, chosen = self._links(motion.q[row : row + 1]), point.axis is None
-        self.drawing.log_arm(
-            recording,
-            self.layer(point),
-            links[0],
-            colour=SCREEN.arm if chosen else SCREEN.end(point.axis or 0),
-            solid=chosen,
-        )
-        if chosen:
+        self.drawing.log_arm(recording, self.layer(point), self._links(motion.q[row : row + 1])[0], point.axis)
+        if point.axis is None:
             for chart in self.charts.values():
                 chart.log_cursor(recording, float(motion.time[row]))
             if self.drawing.meshes is not None:

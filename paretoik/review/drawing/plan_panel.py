@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from paretoik.arrays import Values
 from paretoik.review.drawing.drawn_axes import TEXT, Canvas, labels, window
-from paretoik.review.drawing.label_places import label_points, placed_label
+from paretoik.review.drawing.label_places import joined_label, label_points, line_points, no_label
 from paretoik.review.drawing_options import DRAWING, MARKS
 from paretoik.review.palette import SCREEN, Colour, screen_label
 from paretoik.review.recording.planned import PlannedLevel, PlannedOptimum, PlannedScene
@@ -44,15 +44,16 @@ class PlanPanel:
         """Draw axes, where levels begin, and the final optima, for all times."""
         self.canvas.log(recording, ENTITY, static=True)
         self._log_bands(recording)
-        final = [np.array([(0.0, value), (self._end, value)]) for value in self._final if self._is_near(value)]
-        strips = [self.canvas.place(line) for line in final]
-        lines = rr.LineStrips2D(strips, colors=SCREEN.final, radii=rr.Radius.ui_points(0.7), draw_order=0.5)
+        lines = rr.LineStrips2D(self._value_lines, colors=SCREEN.final, radii=rr.Radius.ui_points(0.7), draw_order=0.5)
         recording.log(f"{ENTITY}/final", lines, static=True)
 
-    def log_until(self, recording: rr.RecordingStream, count: int, *, ended: bool = False) -> None:
+    def log_until(
+        self, recording: rr.RecordingStream, count: int, *, ended: bool = False, looked_at: int | None = None
+    ) -> None:
         """Draw the first so many starts with what they led to, the best of the level, where all ``ended`` the optima.
 
-        Values of other levels, whose samples are others, are no better or worse.
+        Labels keep off the cursor of the start ``looked_at``, by its number from 1. Values of other levels, whose
+        samples are others, are no better or worse.
         """
         across = self.across[:count]
         starts, ends = self.starts[:count], self.ends[:count]
@@ -70,16 +71,17 @@ class PlanPanel:
             where, best = across[row, None], ends[row, None]
         self._log_points(recording, "best", where, best, SCREEN.chosen, 6.5, 4.0, [BEST])
         if len(where):
-            self._log_name(recording, "best", float(where[0]), float(best[0]), BEST, SCREEN.chosen)
+            cursor = [] if looked_at is None else [self._cursor(looked_at)]
+            self._log_name(recording, "best", float(where[0]), float(best[0]), BEST, SCREEN.chosen, cursor)
         else:
-            recording.log(f"{ENTITY}/best/name", rr.Points2D([]))
+            recording.log(f"{ENTITY}/best/name", *no_label())
         self._log_none_looked_at(recording)
 
     def log_start(self, recording: rr.RecordingStream, number: int) -> None:
         """Mark a start by its number, from 1, and what it led to."""
-        low, high, x = self.canvas.low[1], self.canvas.high[1], self.across[number - 1]
-        line = self.canvas.place(np.array([(x, low), (x, high)]))
-        cursor = rr.LineStrips2D([line], colors=SCREEN.text, radii=rr.Radius.ui_points(0.8), draw_order=0.8)
+        cursor = rr.LineStrips2D(
+            [self._cursor(number)], colors=SCREEN.text, radii=rr.Radius.ui_points(0.8), draw_order=0.8
+        )
         recording.log(f"{ENTITY}/cursor", cursor)
 
     def log_optimum(self, recording: rr.RecordingStream, place: int) -> None:
@@ -95,7 +97,7 @@ class PlanPanel:
 
     def _log_none_looked_at(self, recording: rr.RecordingStream) -> None:
         self._log_points(recording, "looked_at", np.zeros(0), np.zeros(0), SCREEN.arm, 6.5, 4.5)
-        recording.log(f"{ENTITY}/looked_at/name", rr.Points2D([]))
+        recording.log(f"{ENTITY}/looked_at/name", *no_label())
 
     @cached_property
     def starts(self) -> Values:
@@ -212,25 +214,57 @@ class PlanPanel:
         recording.log(f"{ENTITY}/{layer}", drawn)
 
     def _log_name(
-        self, recording: rr.RecordingStream, layer: str, across: float, value: float, words: str, colour: Colour
+        self,
+        recording: rr.RecordingStream,
+        layer: str,
+        across: float,
+        value: float,
+        words: str,
+        colour: Colour,
+        lines: Sequence[np.ndarray] = (),
     ) -> None:
-        """Name a point, off what starts led to, optima, and the best one's name where this is another one."""
-        canvas = self.canvas
+        """Name a point, off all that is drawn, further ``lines`` [pixels], and the name of the best if another one."""
+        canvas, others = self.canvas, np.concatenate([self._drawn, line_points(np.array(lines).reshape(-1, 2, 2))])
         low, high = canvas.low[1], canvas.high[1]
-        x, values = np.append(self.across, self._places), np.append(self.ends, self._final)
-        seen = np.isfinite(values)
-        others = canvas.place(np.stack([x[seen], np.clip(values[seen], low, high)], axis=1))
         mark = canvas.place(np.array([across, np.clip(value, low, high)]))
         if layer == "looked_at":
             best = canvas.place(np.array([self._places[0], np.clip(self._final[0], low, high)]))
             others = np.concatenate([others, label_points(canvas, best, BEST, others)])
-        recording.log(f"{ENTITY}/{layer}/name", placed_label(canvas, mark, words, others, colour))
+        recording.log(f"{ENTITY}/{layer}/name", *joined_label(canvas, mark, words, others, colour))
+
+    @cached_property
+    def _drawn(self) -> Float[np.ndarray, "points 2"]:
+        """Points [pixels] on starts, what they led to, optima, the lines of their values, and borders of levels."""
+        canvas = self.canvas
+        x = np.concatenate([self.across, self.across, self._places])
+        values = np.concatenate([self.starts, self.ends, self._final])
+        seen = np.isfinite(values)
+        clipped = np.clip(values[seen], canvas.low[1], canvas.high[1])
+        marks = canvas.place(np.stack([x[seen], clipped], axis=1))
+        return np.concatenate([marks, line_points(np.array([*self._value_lines, *self._borders]).reshape(-1, 2, 2))])
+
+    @property
+    def _value_lines(self) -> list[np.ndarray]:
+        """Lines [pixels] at the values of the final optima."""
+        final = [np.array([(0.0, value), (self._end, value)]) for value in self._final if self._is_near(value)]
+        return [self.canvas.place(line) for line in final]
+
+    @property
+    def _borders(self) -> list[np.ndarray]:
+        """Lines [pixels] between bands."""
+        return [self._upright(float(x)) for x in np.arange(1, int(self._end))]
+
+    def _cursor(self, number: int) -> np.ndarray:
+        """Return the line [pixels] at a start by its number, from 1."""
+        return self._upright(float(self.across[number - 1]))
+
+    def _upright(self, x: float) -> np.ndarray:
+        return self.canvas.place(np.array([(x, self.canvas.low[1]), (x, self.canvas.high[1])]))
 
     def _log_bands(self, recording: rr.RecordingStream) -> None:
         """Draw the borders between bands, and below each what it holds."""
         canvas, bands = self.canvas, np.arange(int(self._end))
-        lines = [canvas.place(np.array([(x, canvas.low[1]), (x, canvas.high[1])])) for x in bands[1:]]
-        style = rr.LineStrips2D(lines, colors=SCREEN.frame, radii=rr.Radius.ui_points(0.7), draw_order=0.2)
+        style = rr.LineStrips2D(self._borders, colors=SCREEN.frame, radii=rr.Radius.ui_points(0.7), draw_order=0.2)
         recording.log(f"{ENTITY}/levels/lines", style, static=True)
         words = [f"{level.samples} samples" for level in self.levels] + ["optima"] * bool(self.optima)
         middles = canvas.place(np.stack([bands[: len(words)] + 0.5, np.full(len(words), canvas.low[1])], axis=1))

@@ -7,10 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from paretoik.review.drawing.plan_panel import PlanPanel
-from paretoik.review.drawing.point_text import counted, run_text
 from paretoik.review.drawing.screen_text import screen_text
 from paretoik.review.drawing_options import DRAWING
 from paretoik.review.recording.planned import PlanEnd, PlannedLevel, PlannedOptimum, PlannedScene
+from paretoik.review.run_words import counted, run_text
+from paretoik.task.limits import JOINT_UNITS
 
 
 def level_text(panel: PlanPanel, level: PlannedLevel) -> str:
@@ -67,19 +68,53 @@ def optimum_text(scene: PlannedScene, optima: Sequence[PlannedOptimum], place: i
         f"- violation {optimum.violation_between:.2g} of a limit's range on a finer grid"
         if np.isfinite(optimum.violation_between)
         else "- leaves its path between the samples",
+        f"- as good and of the same branch: {twin}" if (twin := _twin_words(scene, optima, place)) else "",
     ]
     return screen_text("\n".join(line for line in lines if line))
 
 
-def plan_end_text(scene: PlannedScene, end: PlanEnd, starts: int) -> str:
-    """Return what is to be known of a plan that had so many starts over all its levels."""
+def plan_end_text(scene: PlannedScene, end: PlanEnd, first: int, starts: int) -> str:
+    """Return what is to be known of a plan whose ``first`` level had so many starts, and all together ``starts``."""
     lines = [optimum_text(scene, end.optima, 0, len(end.optima)), "", "## Optima", ""]
     lines += [
-        f"- {place}: {_value(scene, each.point.objectives[0])}" + (f", {_branch(each)}" if each.branch else "")
+        ", ".join(
+            filter(
+                None,
+                (
+                    f"- {place}: {_value(scene, each.point.objectives[0])}",
+                    _branch(each) if each.branch else "",
+                    _twin_words(scene, end.optima, place),
+                ),
+            )
+        )
         for place, each in enumerate(end.optima[: DRAWING.optima])
     ]
-    lines += [*_further(len(end.optima)), "", f"All levels together had {counted(starts, 'start')}."]
+    lines += [*_further(len(end.optima)), "", _start_counts(first, starts)]
     return screen_text("\n".join([*lines, "", run_text(end.provenance)]))
+
+
+def _twin_words(scene: PlannedScene, optima: Sequence[PlannedOptimum], place: int) -> str:
+    """Return in what an optimum differs from the first before it whose value and branch read the same; "" of none.
+
+    That is the largest difference of a joint at a sample, with its sign.
+    """
+    words = [(_value(scene, each.point.objectives[0]), each.branch) for each in optima[: place + 1]]
+    twin = words.index(words[place])
+    motion, reference = optima[place].point.motion, optima[twin].point.motion
+    if twin == place or motion is None or reference is None:
+        return ""
+    difference = motion.q - reference.q
+    row, joint = np.unravel_index(int(np.abs(difference).argmax()), difference.shape)
+    arm = scene.workcell.arm
+    unit = JOINT_UNITS["position"][arm.joint_types[joint] == "prismatic"]
+    return (
+        f"{arm.joint_names[joint]} {difference[row, joint]:+.3g} {unit} from optimum {twin} at {motion.time[row]:.3g} s"
+    )
+
+
+def _start_counts(first: int, starts: int) -> str:
+    words = f"The first level had {counted(first, 'start')}"
+    return f"{words}; those after it begin from its optima, {starts - first} in all." if starts > first else f"{words}."
 
 
 def _branch(optimum: PlannedOptimum) -> str:

@@ -3,35 +3,17 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
 from paretoik.front.compromise import COMPROMISE_IN_WORDS
 from paretoik.front.front import Choice, Front
-from paretoik.review.drawing.screen_text import screen_text
+from paretoik.review.drawing.screen_text import screen_text, unbroken_units
 from paretoik.review.drawing.search_charts import front_size
 from paretoik.review.drawing.search_scene import SearchScene
 from paretoik.review.recording.recorder import Generation
-
-SETTINGS = ("population", "generations", "seed", "points", "starts", "refine", "solver", "weights", "warm_start")
-
-COUNTS = {  # what a run took, one and many of it
-    "generations": ("generation", "generations"),
-    "evaluations": ("evaluation", "evaluations"),
-    "steps": ("step", "steps"),
-    "levels": ("bound ε", "bounds ε"),  # a recording has a level for every new point, too
-    "starts": ("start", "starts"),
-    "optima": ("optimum", "optima"),
-}
-ENDINGS = {  # what a run that came to its end says of that; others say why they did not
-    "epsilon": "the sweep is complete",
-    "optima": "all starts were tried",
-    "refined": "all points were refined",
-    "resolved": "all steps were taken",
-    "maxima": "all directions were searched",
-}
+from paretoik.review.run_words import counted, run_text
 
 
 def choice_text(front: Front, choice: Choice, *, title: str = "chosen", whole: bool = True) -> str:
@@ -81,7 +63,7 @@ def _point_text(front: Front, row: int, title: str, reason: str) -> str:
             f"{front.violation[row]:.2g} of a limit's range."
         )
     parts.append(run_text(front.provenance))
-    return screen_text("\n\n".join(part for part in parts if part))
+    return screen_text(unbroken_units("\n\n".join(part for part in parts if part), front.units))
 
 
 def text_of(scene: SearchScene, generation: Generation, moved: int | None = None, *, outside: int = 0) -> str:
@@ -91,14 +73,9 @@ def text_of(scene: SearchScene, generation: Generation, moved: int | None = None
     """
     if scene.timeline == "step":
         return screen_text(_step_text(scene, generation))
-    return screen_text(
-        "\n".join(
-            [
-                _generation_text(scene, generation, moved),
-                *outside_text(outside, len(generation.population), "the final front"),
-            ]
-        )
-    )
+    outside_lines = outside_text(outside, len(generation.population), "the final front")
+    words = "\n".join([_generation_text(scene, generation, moved), *outside_lines])
+    return screen_text(unbroken_units(words, scene.units))
 
 
 def outside_text(outside: int, count: int, what: str) -> list[str]:
@@ -122,14 +99,18 @@ def _generation_text(scene: SearchScene, generation: Generation, moved: int | No
     if len(generation.front):
         best = scene.best(generation.front)
         lines += [
-            f"- **{scene.names[axis]}**: best {_value(best[axis], scene.units[axis])}"
+            f"- **{_named_unit(scene.names[axis], scene.units[axis])}**: best {_value(best[axis], scene.units[axis])}"
             + ("" if chosen is None else f", compromise {_value(chosen.objectives[axis], scene.units[axis])}")
             for axis in range(len(scene.names))
         ]
     if chosen is not None:
         lines += ["", f"The compromise, {_named(scene, generation, chosen.id)}, is {COMPROMISE_IN_WORDS}."]
     if moved is not None and moved != generation.number:
-        lines += ["", f"The arm shows generation {moved}: these motions were not kept."]
+        lines += [
+            "",
+            "The search is not slowed to record motions of every generation: the arm shows those of generation "
+            f"{moved}.",
+        ]
     return "\n".join(lines)
 
 
@@ -189,7 +170,10 @@ def _why_empty(generation: Generation) -> str:
     count = len(generation.population)
     if not count:
         return "Nothing could be evaluated yet."
-    return f"None of the {counted(count, 'individual')} keeps all limits: a front has only points that do."
+    return (
+        f"None of the {counted(count, 'individual')} keeps all limits and constraints of the problem: a front has only "
+        "points that do."
+    )
 
 
 def _heading(scene: SearchScene, generation: Generation) -> str:
@@ -206,7 +190,7 @@ def _step_text(scene: SearchScene, generation: Generation) -> str:
     if generation.chosen is not None and len(generation.front):
         low, high = generation.front.min(axis=0), generation.front.max(axis=0)
         lines += [
-            f"- **{name}**: chosen {generation.chosen[axis]:.6g} {scene.units[axis]}, the front from "
+            f"- **{name}**: chosen {generation.chosen[axis]:.6g} {scene.units[axis]}; front: "
             f"{range_text(low[axis], high[axis], scene.units[axis])}"
             for axis, name in enumerate(scene.names)
         ]
@@ -217,13 +201,17 @@ def _objectives(front: Front, row: int) -> str:
     lines = ["## Objectives", ""]
     for axis, name in enumerate(front.names):
         low, high = front.ranges[axis]
-        sense = ", more is better" if front.maximised[axis] else ""
-        lines.append(
-            f"- **{name}{sense}**: {_value(front.objectives[row, axis], front.units[axis])}; on the front "
-            f"{low:.4g} to {_value(high, front.units[axis])}"
-            + (f", {front.shares[row, axis]:.0%} of the way from the best to the worst" if high > low else "")
-        )
+        sense, unit = "more" if front.maximised[axis] else "less", front.units[axis]
+        share = f"{front.shares[row, axis]:.0%} of the way from the best to the worst"
+        place = f"{low:.4g} to {_value(high, unit)}, {share}" if high > low else "the only value"
+        value = _value(front.objectives[row, axis], unit)
+        lines.append(f"- **{_named_unit(name, unit)}, {sense} is better**: {value}; on the front {place}")
     return "\n".join(lines)
+
+
+def _named_unit(name: str, unit: str) -> str:
+    """Return the name of an objective, with [1] where its values have no unit to be told with."""
+    return name if unit else f"{name} [1]"
 
 
 def _certificate(front: Front, row: int) -> str:
@@ -253,43 +241,19 @@ def _rates(front: Front, row: int) -> str:
     return "## Exchange rates\n\n" + "\n".join(lines) if lines else ""
 
 
-def run_text(provenance: Mapping[str, Any]) -> str:
-    """Return what is to be known of a run: its problem, settings, and how long it took; "" for nothing."""
-    settings = dict(provenance.get("settings") or {})
-    shown = [
-        f"- {name.replace('_', ' ')}: {_setting_text(settings[name])}"
-        for name in SETTINGS
-        if settings.get(name) is not None
-    ]
-    counts, status = provenance.get("counts") or {}, provenance.get("status")
-    took = [counted(counts[name], *words) for name, words in COUNTS.items() if isinstance(counts.get(name), int)]
-    took += [f"{counts['seconds']:.4g} s"] if "seconds" in counts else []
-    heads = [f"- problem: {provenance['problem']}"] if provenance.get("problem") else []
-    heads += [f"- ended: {ENDINGS.get(str(status), status)}"] if status else []
-    results = [f"- {counted(counts[name], 'point')} {name}" for name in ("converged", "improved") if name in counts]
-    lines = heads + shown + ([f"- took {', '.join(took)}"] if took else []) + results
-    return "## Run\n\n" + "\n".join(lines) if lines else ""
-
-
 def range_text(low: float, high: float, unit: str) -> str:
-    """Return a range in words; of one whose ends have the same digits how wide it is.
+    """Return a range in words; of one whose ends have the same digits how far it reaches above its lower end.
 
-    >>> range_text(1.0, 2.0, "m"), range_text(1.0, 1.0 + 1e-9, "m")
-    ('1 to 2 m', '1 m, 1e-09 m wide')
+    >>> range_text(1.0, 2.0, "m"), range_text(1.0, 1.0 + 1e-9, "m"), range_text(1.0, 1.0, "m")
+    ('1 to 2 m', '1 m to 1e-09 m above that', '1 m alone')
     """
-    if f"{low:.6g}" != f"{high:.6g}":
-        return f"{low:.6g} to {high:.6g} {unit}".rstrip()
-    return f"{low:.6g} {unit}".rstrip() + f", {high - low:.3g} {unit}".rstrip() + " wide"
+    first, width = _value(low, unit, digits=6), _value(high - low, unit, digits=3)
+    if low == high:
+        return f"{first} alone"
+    if f"{low:.6g}" == f"{high:.6g}":
+        return f"{first} to {width} above that"
+    return f"{low:.6g} to {_value(high, unit, digits=6)}"
 
 
-def counted(number: int, one: str, many: str = "") -> str:
-    """Return a number of things in words."""
-    return f"{number} {one if number == 1 else many or one + 's'}"
-
-
-def _setting_text(setting: object) -> str:
-    return {True: "yes", False: "no"}[setting] if isinstance(setting, bool) else str(setting)
-
-
-def _value(value: float, unit: str) -> str:
-    return f"{value:.4g} {unit}".rstrip()
+def _value(value: float, unit: str, *, digits: int = 4) -> str:
+    return f"{value:.{digits}g} {unit}".rstrip()

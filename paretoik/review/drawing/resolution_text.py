@@ -7,10 +7,10 @@ from collections import Counter
 import numpy as np
 
 from paretoik.review.drawing.broken_limits import broken_limits
-from paretoik.review.drawing.joint_charts import is_sliding, joint_units
-from paretoik.review.drawing.point_text import run_text
 from paretoik.review.drawing.screen_text import screen_text
+from paretoik.review.joint_units import is_sliding, joint_units
 from paretoik.review.recording.resolved import RecordedTraces, ResolutionEnd, ResolvedScene
+from paretoik.review.run_words import run_text
 from paretoik.robot.arm import Arm
 from paretoik.task.limits import JOINT_UNITS
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 SYMBOLS = frozenset("•…–—“”‰€−×·≤≥≈≠→←↑↓∂∞√∫∑●■▲○◆″°")
@@ -16,6 +17,17 @@ def screen_text(words: str) -> str:
     'energy [N²m²s], ?'
     """
     return "".join(character if _is_drawable(character) else "?" for character in words)
+
+
+def unbroken_units(words: str, units: Sequence[str]) -> str:
+    r"""Return `words` in which no line ends between a number and its unit, or within a unit.
+
+    >>> unbroken_units("it has 0.5 J s", ["J s"])
+    'it has 0.5\xa0J\xa0s'
+    """
+    for unit in sorted(set(filter(None, units)), key=len, reverse=True):
+        words = re.sub(rf"(?<=\d) {re.escape(unit)}", f"\u00a0{unit.replace(' ', chr(0xA0))}", words)
+    return words
 
 
 def entity_names(names: Sequence[str]) -> list[str]:

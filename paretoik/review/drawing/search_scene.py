@@ -5,35 +5,27 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
+from jaxtyping import Float
 
 from paretoik.arrays import Ids, Objectives, Values
 from paretoik.formulations.protocol import Timeline
-from paretoik.review.drawing.drawn_axes import Canvas
+from paretoik.review.drawing.drawn_axes import Canvas, labels
 from paretoik.review.drawing.front_panels import Pair, Panels, normalised
 from paretoik.review.drawing.label_places import Labelled, log_name, named_area
-from paretoik.review.drawing.panel_marks import best_words, bound_points, log_ends, log_epsilon, log_moves
+from paretoik.review.drawing.panel_lines import PanelLines
+from paretoik.review.drawing.panel_marks import best_words, log_ends
 from paretoik.review.drawing.parallel_axes import ParallelAxes
 from paretoik.review.drawing.screen_text import entity_names, screen_text
+from paretoik.review.drawing.search_layers import LAYERS, Layer, layer_points
 from paretoik.review.drawing_options import DRAWING
-from paretoik.review.palette import SCREEN, Colour, screen_label
+from paretoik.review.palette import SCREEN, screen_label
 from paretoik.review.recording.recorded_point import RecordedPoint
 from paretoik.review.recording.recorder import Generation, Population
-
-Layer = Literal["population", "final", "front", "chosen", "looked_at", "choice", "compared"]
-LAYERS: dict[Layer, tuple[Colour, float, float]] = {  # colour, radius, which is drawn above which
-    "population": (SCREEN.population, 2.2, 1.0),
-    "final": (SCREEN.final, 2.6, 0.5),
-    "front": (SCREEN.front, 3.2, 2.0),
-    "chosen": (SCREEN.chosen, 6.5, 4.0),
-    "looked_at": (SCREEN.arm, 4.0, 4.5),  # as its arm; smaller, so that an end or a choice below it stays seen
-    "choice": (SCREEN.chosen, 6.5, 4.0),
-    "compared": (SCREEN.compared, 6.5, 3.5),
-}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,41 +96,39 @@ class SearchScene:
         parallel: ParallelAxes | None = None,
         *,
         named: bool = False,
+        behind: Population | None = None,
     ) -> None:
-        """Draw `generation` at the current time, its front with ids if `named`, and keep its numbers exactly."""
+        """Draw `generation` at the current time, its front with ids if `named`, and keep its numbers exactly.
+
+        Labels keep off the points ``behind`` it, too.
+        """
         reference = generation.front if self.timeline == "step" else None
         self.log_points(recording, "population", generation.population, canvases, reference=reference)
         self.log_points(
             recording, "front", generation.front, canvases, ids=generation.front_ids, named=named, reference=reference
         )
-        self._log_marks(recording, generation, canvases)
+        for pair, canvas in self._panels(canvases):
+            self._lines.log(recording, self._panel(pair), canvas, pair, generation)
         if generation.chosen is not None:
             self.log_points(recording, "chosen", generation.chosen[None], canvases, reference=reference)
         of = f" of level {generation.number}" if self.timeline == "level" else ""  # the final front numbers anew
-        bounds = [
-            bound_points(pair, canvas, generation.epsilon)
-            for pair, canvas in self._panels(canvases)[:1]
-            if generation.epsilon is not None
-        ]
-        everything = np.concatenate([generation.front, generation.population, *bounds])
-        self.log_marked(recording, generation.points, canvases, of=of, avoided=everything)
+        everything = [generation.front, generation.population, *([] if behind is None else [behind])]
+        taken = self.line_points(generation, canvases)
+        self.log_marked(recording, generation.points, canvases, of=of, avoided=np.concatenate(everything), taken=taken)
         if parallel is not None:
             marked = [point.objectives for point in generation.points if point.axis is None]
             chosen = marked[0] if marked else generation.chosen
             self.log_lines(recording, parallel, generation.front, chosen, reference=reference)
 
-    def _log_marks(self, recording: rr.RecordingStream, generation: Generation, canvases: Sequence[Canvas]) -> None:
-        """Draw the bounds of a step of a sweep, or where refined points came from."""
+    def log_note(self, recording: rr.RecordingStream, canvases: Sequence[Canvas], words: str) -> None:
+        """Say in the middle of every panel why it has no points, at the current time; without words, no longer."""
         for pair, canvas in self._panels(canvases):
-            columns = list(pair)
-            if self.timeline == "refinement":
-                origins = None if generation.origins is None else generation.origins[:, columns]
-                log_moves(recording, [*self._panel(pair), "moves"], canvas, origins, generation.front[:, columns])
-            elif self.timeline == "level":
-                epsilon = None if generation.epsilon is None else generation.epsilon[columns]
-                first, second = ((screen_text(self.names[axis]), self.units[axis]) for axis in pair)
-                maximised = self.maximised[pair[0]], self.maximised[pair[1]]
-                log_epsilon(recording, [*self._panel(pair), "epsilon"], canvas, epsilon, (first, second), maximised)
+            middle = canvas.origin + 0.5 * np.array([canvas.width, canvas.height])
+            recording.log([*self._panel(pair), "note"], labels([words], middle[None]) if words else rr.Points2D([]))
+
+    def line_points(self, generation: Generation, canvases: Sequence[Canvas]) -> Float[np.ndarray, "points 2"]:
+        """Return points [pixels] on the lines of a generation in the first panel, which has the labels of points."""
+        return self._lines.points(canvases[0], self.panels.pairs[0], generation) if canvases else np.zeros((0, 2))
 
     def log_points(
         self,
@@ -155,12 +145,13 @@ class SearchScene:
         avoided: Population | None = None,
         words: Sequence[str] | None = None,
         labelled: Labelled | None = None,
+        taken: Float[np.ndarray, "area 2"] | None = None,
     ) -> None:
         """Draw points as a layer of every panel, normalised by the ranges of a ``reference`` front if there is one.
 
         Points outside a window are not drawn, but their numbers are kept with the others. Where points are ``named``,
         ``of`` says whose ids they have. What is chosen or looked at has its label, ``words`` or its name, where it
-        covers fewest of the points that are ``avoided``, and not the label of the point that is ``labelled``.
+        covers least of the points ``avoided``, of what is ``taken`` [pixels] and of the label of the one ``labelled``.
         """
         colour, _, order = LAYERS[layer]
         drawn = F if reference is None else normalised(F, reference)
@@ -169,13 +160,14 @@ class SearchScene:
             pairwise = drawn[:, list(pair)]
             seen = canvas.shows(pairwise)
             hovered = None if names is None else [names[row] for row in np.flatnonzero(seen)]
-            points = _points(layer, canvas.place(pairwise[seen]), hovered)
+            points = layer_points(layer, canvas.place(pairwise[seen]), hovered)
             recording.log([*self._panel(pair), layer], points, static=static)
             if order > 3.0 and pair == self.panels.pairs[0]:
                 shown = names if words is None else words
-                taken = None if labelled is None else named_area(canvas, labelled, list(pair), avoided)
+                area, lines = named_area(canvas, labelled, list(pair), avoided, taken)
                 others = pairwise if avoided is None else np.concatenate([pairwise, avoided[:, list(pair)]])
-                log_name(recording, [*self._panel(pair), layer, "name"], canvas, shown, others, colour, static, taken)
+                entity = [*self._panel(pair), layer, "name"]
+                log_name(recording, entity, canvas, shown, others, colour, static, area, lines)
         if layer != "final":
             numbers: dict[str, Any] = {} if ids is None else {"ids": ids}
             values = rr.AnyValues(F=F.ravel(), n_obj=F.shape[1], **numbers)
@@ -189,10 +181,11 @@ class SearchScene:
         *,
         of: str = "",
         avoided: Population | None = None,
+        taken: Float[np.ndarray, "area 2"] | None = None,
     ) -> None:
         """Draw the best points of the objectives in their colours, and the chosen one.
 
-        Their labels are off what is to be ``avoided``. ``of`` says whose ids they have.
+        Their labels are off what is to be ``avoided`` and what is ``taken`` [pixels]. ``of`` says whose ids they have.
         """
         ends = any(point.axis is not None for point in points)
         for pair, canvas in self._panels(canvases) if ends else ():
@@ -200,13 +193,22 @@ class SearchScene:
             places = np.array([point.objectives[columns] for point in points])
             others = places[:0] if avoided is None else avoided[:, columns]
             named = others if pair == self.panels.pairs[0] else None
-            log_ends(recording, self._panel(pair), canvas, places, points, self.names, named, of=of)
+            log_ends(recording, self._panel(pair), canvas, places, points, self.names, named, of=of, taken=taken)
         for row, point in enumerate(points):
             if point.axis is None:
                 words = [self._chosen_words(points, row, of)]
                 ids, F = np.array([point.id]), point.objectives[None]
                 self.log_points(
-                    recording, "chosen", F, canvases, ids=ids, named=True, avoided=avoided, of=of, words=words
+                    recording,
+                    "chosen",
+                    F,
+                    canvases,
+                    ids=ids,
+                    named=True,
+                    avoided=avoided,
+                    of=of,
+                    words=words,
+                    taken=taken,
                 )
 
     def log_looked_at(
@@ -218,11 +220,12 @@ class SearchScene:
         *,
         avoided: Population | None = None,
         marked: Sequence[RecordedPoint] = (),
+        taken: Float[np.ndarray, "area 2"] | None = None,
     ) -> None:
         """Mark a point that is looked at, beside the chosen one and the best of the objectives.
 
-        Its label is off what is to be ``avoided`` and off that of the chosen one among those that are ``marked``; where
-        it is the chosen one it has that.
+        Its label is off what is to be ``avoided``, what is ``taken`` and that of the chosen one among those that are
+        ``marked``; where it is the chosen one it has that.
         """
         F, ids = point.objectives[None], np.array([point.id])
         chosen = [row for row, each in enumerate(marked) if each.axis is None]
@@ -238,6 +241,7 @@ class SearchScene:
             avoided=avoided,
             words=words,
             labelled=labelled,
+            taken=taken,
         )
         if parallel is not None:
             recording.log(f"{parallel.entity}/looked_at", parallel.lines(F, SCREEN.arm, 2.2, 5.0))
@@ -267,6 +271,10 @@ class SearchScene:
         return screen_label(self.names[axis], self.units[axis] or "1", self.maximised[axis])
 
     @property
+    def _lines(self) -> PanelLines:
+        return PanelLines(names=self.names, units=self.units, maximised=self.maximised, timeline=self.timeline)
+
+    @property
     def volume_unit(self) -> str:
         """Unit of the hypervolume: the product of the objectives' units."""
         return " · ".join(unit for unit in self.units if unit) or "1"
@@ -285,13 +293,6 @@ class SearchScene:
 
     def _axis(self, axis: int) -> str:
         return f"{self.names[axis]}, share of its range" if self.timeline == "step" else self.label(axis)
-
-
-def _points(layer: Layer, places: np.ndarray, hovered: Sequence[str] | None) -> rr.Points2D:
-    """Return the points of a layer at places (points, 2) [pixels], with what is said of them under the mouse."""
-    colour, radius, order = LAYERS[layer]
-    radii = rr.Radius.ui_points(radius)
-    return rr.Points2D(places, colors=colour, radii=radii, labels=hovered, show_labels=False, draw_order=order)
 
 
 def _escape(part: str) -> str:

@@ -19,20 +19,23 @@ from paretoik.review.drawing.arm_drawing import ArmDrawing
 from paretoik.review.drawing.drawn_axes import Canvas
 from paretoik.review.drawing.front_panels import normalised, outside_panels
 from paretoik.review.drawing.legend import Legend
-from paretoik.review.drawing.point_text import counted, outside_text, range_text
+from paretoik.review.drawing.point_text import outside_text, range_text
 from paretoik.review.drawing.screen_text import screen_text
 from paretoik.review.drawing.search_scene import SearchScene
 from paretoik.review.drawing_options import VIEWS
 from paretoik.review.palette import SCREEN
 from paretoik.review.recording.recorder import SearchedStep
 from paretoik.review.recording.workcell import Workcell
+from paretoik.review.run_words import counted
 from paretoik.robot.kinematics import link_nodes
 
 ENTRIES = (
     ("population", SCREEN.population),
     ("front of the generation", SCREEN.front),
-    ("chosen by the weights, and its arm", SCREEN.chosen),
+    ("chosen by the weights, or the individual looked at", SCREEN.chosen),
+    ("its arm", SCREEN.arm),
     ("arms of the front", SCREEN.ghost),
+    ("path to follow", SCREEN.target),
     ("where the tool is to be", SCREEN.path),
 )
 
@@ -78,7 +81,8 @@ class StepScene:
             if place == 0:
                 self._log_generation(recording, last)
             self._log_individual(recording, last, int(individual))
-            words = f"## Point {individual}, {place + 1} of {len(order)} by {self.loop.names[0]}\n\n"
+            words = f"## Point {individual}, number {place + 1} of {len(order)} by {self.loop.names[0]}\n\n"
+            words += "The weights choose it.\n\n" if individual == self.step.chosen[last] else ""
             self._log_text(recording, words + self._objectives(last, int(individual)))
         recording.reset_time()
 
@@ -114,7 +118,7 @@ class StepScene:
             reference=front,
         )
         links = self._links(number, row)[0]
-        self._drawing.log_arm(recording, "chosen", links, colour=SCREEN.arm, solid=True)
+        self._drawing.log_arm(recording, "chosen", links, None)
 
     def _generation_text(self, number: int) -> str:
         """Return what is to be known of a generation, and of the individual that the weights choose."""

@@ -6,13 +6,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.patches import Circle as Disc
-from matplotlib.patches import Polygon
 
 from paretoik.front.front import Front
+from paretoik.review.joint_units import joint_units
 from paretoik.review.palette import PAPER
-from paretoik.review.pictures.plots import label, picture, stroboscopic
-from paretoik.task.obstacles import Box, Circle, Obstacle
+from paretoik.review.pictures.plots import label, label_arm, picture, stroboscopic
+from paretoik.task.limits import JOINT_UNITS
 
 
 def loop_picture(motion: Any, values: np.ndarray, ranges: np.ndarray, front: Front, file: Path | str) -> None:
@@ -26,14 +25,12 @@ def loop_picture(motion: Any, values: np.ndarray, ranges: np.ndarray, front: Fro
         arm, joints, chosen = parts
         planar = motion.arm.is_planar
         axes = arm.subplots(subplot_kw={"aspect": "equal"} if planar else {"projection": "3d"})
-        if planar:
-            obstacle_patches(axes, motion.obstacles)
         stroboscopic(axes, motion)
-        axes.set(xlabel="x [m]", ylabel="y [m]")
+        label_arm(axes, planar=planar)
         axes = joints.subplots()
         for j, (joint, name) in enumerate(zip(motion.q.T, motion.arm.joint_names, strict=True)):
             axes.plot(motion.time, joint, color=PAPER.accent(j), linewidth=1.2, label=name)
-        axes.set(xlabel="time [s]", ylabel="joint position [rad or m]")
+        axes.set(xlabel="time [s]", ylabel=f"joint position [{joint_units(motion.arm, JOINT_UNITS['position'])}]")
         axes.legend(frameon=False)
         rows = np.atleast_1d(chosen.subplots(values.shape[1], 1, sharex=True))
         for axis, axes in enumerate(rows):
@@ -45,14 +42,3 @@ def loop_picture(motion: Any, values: np.ndarray, ranges: np.ndarray, front: Fro
             axes.set_ylabel(label(front, axis), fontsize=8)
         rows[0].set_title("chosen, within the front of each step")
         rows[-1].set_xlabel("time [s]")
-
-
-def obstacle_patches(axes: Any, obstacles: tuple[Obstacle, ...]) -> None:
-    """Draw the obstacles of a planar arm that lie in its plane: circles and rectangles."""
-    for obstacle in obstacles:
-        if isinstance(obstacle, Circle):
-            axes.add_patch(Disc(tuple(obstacle.center), obstacle.radius, facecolor=PAPER.quiet, alpha=0.5))
-        elif isinstance(obstacle, Box):
-            corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], dtype=float)
-            corners[:, :2] *= obstacle.half_sizes[:2]
-            axes.add_patch(Polygon(obstacle.pose.apply(corners)[:, :2], facecolor=PAPER.quiet, alpha=0.5))

@@ -10,13 +10,16 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from paretoik.review.palette import PAPER
-from paretoik.review.pictures.plots import picture, stroboscopic
+from paretoik.review.pictures.plots import label_arm, picture, stroboscopic
 from paretoik.review.recording.planned import PlannedLevel
 from paretoik.trajectory.plan import Plan
 
 
-def plan_picture(plan: Plan, levels: Sequence[PlannedLevel], label: str, file: Path | str) -> None:
-    """Write a PNG of a plan whose objective has a ``label``; raises InvalidInput where the file cannot be written."""
+def plan_picture(plan: Plan, levels: Sequence[PlannedLevel], label: str, unit: str, file: Path | str) -> None:
+    """Write a PNG of a plan whose objective has a ``label`` and a ``unit``.
+
+    Raises InvalidInput where the file cannot be written.
+    """
     optima = plan.optima[: PAPER.motions]
     planar = optima[0].motion.arm.is_planar
     with picture(file, (11.0, 3.4)) as figure:
@@ -28,12 +31,11 @@ def plan_picture(plan: Plan, levels: Sequence[PlannedLevel], label: str, file: P
         for rank, (axes, optimum) in enumerate(zip(panels, optima, strict=True)):
             stroboscopic(axes, optimum.motion, colour=PAPER.accent(rank))
             name = "best" if rank == 0 else f"optimum {rank}"
-            axes.set_title(f"{name}: {optimum.objective:.4g}", color=PAPER.accent(rank))
+            axes.set_title(f"{name}: {optimum.objective:.4g} {unit}".rstrip(), color=PAPER.accent(rank))
             axes.locator_params(nbins=4)
             axes.set_xlabel("x [m]")
             if not planar:
-                axes.set(ylabel="y [m]", zlabel="z [m]")
-                axes.set_aspect("equal")
+                label_arm(axes, planar=False)
         if planar:
             panels[0].set_ylabel("y [m]")
 
@@ -49,6 +51,7 @@ def _draw_levels(axes: Axes, plan: Plan, levels: Sequence[PlannedLevel], label: 
             marker="o",
             markersize=2.5,
             zorder=1,
+            label="starts" if level is levels[-1] else None,
         )
         axes.plot(
             np.full(len(level.optima), level.samples),
@@ -61,7 +64,10 @@ def _draw_levels(axes: Axes, plan: Plan, levels: Sequence[PlannedLevel], label: 
         )
     samples = len(plan.best.motion.time)
     for rank, optimum in enumerate(plan.optima[: PAPER.motions]):
-        axes.plot(samples, optimum.objective, color=PAPER.accent(rank), marker="o", markersize=7, markeredgecolor="w")
+        size = 7 + 4 * (len(plan.optima[: PAPER.motions]) - 1 - rank)  # where they are one, each is a ring
+        axes.plot(
+            samples, optimum.objective, color=PAPER.accent(rank), marker="o", markersize=size, markeredgecolor="w"
+        )
     values = np.concatenate([[each.objective for each in plan.optima], *(level.optima for level in levels)])
     low, high = float(values.min()), float(values.max())
     margin = 0.15 * (high - low) or 0.05 * abs(high) or 1.0

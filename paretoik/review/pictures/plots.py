@@ -26,6 +26,8 @@ from paretoik.front.marked_rows import best_rows
 from paretoik.review.even_rows import even_rows
 from paretoik.review.limits_between import describe_limits_between
 from paretoik.review.palette import PAPER, objective_label
+from paretoik.review.pictures.drawn_obstacles import draw_obstacles
+from paretoik.review.pictures.point_names import NamedPoint, name_points
 
 WITHOUT_ARM = "The run's problem is not at hand: its arm is drawn after load_front(folder, problem)."
 
@@ -103,10 +105,11 @@ def draw_jumps(axes: Axes, front: Front) -> None:
 
 
 def stroboscopic(axes: Axes, motion: Any, *, colour: str = PAPER.accents[1]) -> None:
-    """Draw a single `motion`: some of its postures, the later the darker, and the path of its tool.
+    """Draw a single `motion`: its obstacles, some of its postures, the later the darker, and the path of its tool.
 
     The axes must be three-dimensional for an arm that is not planar.
     """
+    draw_obstacles(axes, motion)
     size = 2 if motion.arm.is_planar else 3
     links, tool = motion.links[..., :size], motion.tool[..., :size]
     picked = even_rows(len(links), PAPER.postures)
@@ -117,6 +120,19 @@ def stroboscopic(axes: Axes, motion: Any, *, colour: str = PAPER.accents[1]) -> 
     axes.plot(*last.T, color=PAPER.ink, linestyle="none", marker="o", markersize=3.2, markerfacecolor="white")
     axes.plot(*tool.T, color=colour, linewidth=1.8)
     axes.plot(*tool[-1:].T, color=colour, marker="o", markersize=4.5)
+
+
+def label_arm(axes: Any, *, planar: bool) -> None:
+    """Name the axes of an arm; in space they have one scale, and room for their names."""
+    axes.set(xlabel="x [m]", ylabel="y [m]")
+    if planar:
+        return
+    axes.set_zlabel("z [m]")
+    axes.tick_params(pad=-2)
+    for axis, pad in ((axes.xaxis, -2.0), (axes.yaxis, -2.0), (axes.zaxis, -1.0)):  # words stand off the ticks
+        axis.labelpad = pad
+    axes.set_aspect("equal")
+    axes.set_box_aspect(None, zoom=0.76)
 
 
 def _highlights(front: Front, choice: Choice | None) -> list[Highlight]:
@@ -172,12 +188,11 @@ def _draw_pair(axes: Axes, front: Front, pair: tuple[int, int], highlights: Sequ
     for point in highlights:
         spot = (x[point.index], y[point.index])
         axes.plot(*spot, color=point.colour, marker="o", markersize=7.5, markeredgecolor="white")
-        axes.annotate(
-            str(front.ids[point.index]), spot, (6, 5), textcoords="offset points", color=point.colour, weight="bold"
-        )
     axes.set(xlabel=label(front, pair[0]), ylabel=label(front, pair[1]))
     axes.locator_params(nbins=5)
     axes.margins(0.09)
+    named = [NamedPoint(row=each.index, name=str(front.ids[each.index]), colour=each.colour) for each in highlights]
+    name_points(axes, np.stack([x, y], axis=1), named)
 
 
 def _draw_parallel(axes: Axes, front: Front, highlights: Sequence[Highlight]) -> None:
@@ -213,10 +228,7 @@ def _draw_motions(figure: Figure | SubFigure, front: Front, highlights: Sequence
         axes.locator_params(nbins=4)
         axes.set_xlabel("x [m]")
         if not planar:
-            axes.set(ylabel="y [m]", zlabel="z [m]")
-            axes.tick_params(pad=-2)
-            axes.set_aspect("equal")
-            axes.set_box_aspect(None, zoom=0.86)
+            label_arm(axes, planar=False)
     if planar:
         np.atleast_1d(panels)[0].set_ylabel("y [m]")
 

@@ -9,9 +9,11 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from paretoik.resolution.traces import ResolvedMotion
+from paretoik.review.joint_units import joint_units
 from paretoik.review.palette import PAPER
-from paretoik.review.pictures.loop_plots import obstacle_patches
-from paretoik.review.pictures.plots import picture, stroboscopic
+from paretoik.review.pictures.plots import label_arm, picture, stroboscopic
+from paretoik.task.limits import JOINT_UNITS
+from paretoik.task.task import error_unit
 
 
 def resolution_picture(motion: ResolvedMotion, criteria: list[str], file: Path | str) -> None:
@@ -21,18 +23,16 @@ def resolution_picture(motion: ResolvedMotion, criteria: list[str], file: Path |
         parts: Any = figure.subfigures(1, 3, width_ratios=[1.2, 1.0, 1.0])
         arm, joints, steps = parts
         axes = arm.subplots(subplot_kw={"aspect": "equal"} if planar else {"projection": "3d"})
-        if planar:
-            obstacle_patches(axes, motion.obstacles)
         stroboscopic(axes, motion)
         for task in motion.tasks:
             path = task.path.positions[:, : 2 if planar else 3]
             axes.plot(*path.T, color=PAPER.accents[0], linewidth=1.0, linestyle="--", label="wanted")
-        axes.set(xlabel="x [m]", ylabel="y [m]")
+        label_arm(axes, planar=planar)
         axes.legend(frameon=False, loc="upper right")
         axes = joints.subplots()
         for j, (joint, name) in enumerate(zip(motion.q.T, motion.arm.joint_names, strict=True)):
             axes.plot(motion.time, joint, color=PAPER.accent(j), linewidth=1.2, label=name)
-        axes.set(xlabel="time [s]", ylabel="joint position [rad or m]")
+        axes.set(xlabel="time [s]", ylabel=f"joint position [{joint_units(motion.arm, JOINT_UNITS['position'])}]")
         axes.legend(frameon=False)
         above, below = steps.subplots(2, 1, sharex=True)
         _draw_errors(above, motion)
@@ -51,7 +51,7 @@ def _draw_errors(axes: Axes, motion: ResolvedMotion) -> None:
             motion.time[at], shown[at], color=PAPER.accent(number + 2), linestyle="none", marker=".", label=status
         )
         axes.legend(frameon=False)
-    axes.set_ylabel("error [m or rad]")
+    axes.set_ylabel(f"error [{error_unit(motion.tasks)}]")
 
 
 def _draw_criteria(axes: Axes, motion: ResolvedMotion, criteria: list[str]) -> None:

@@ -1,12 +1,13 @@
 """MaxiMin beside pymoo's algorithms: same evaluations, same first populations, seeds interleaved; losses first.
 
-    python -m studies.benchmarks.maximin [--quick] [--goals] [--seeds N] [--problems NAME ...] [--runs FOLDER]
-                                         [--fronts FOLDER] [--json FILE]
+    python -m studies.benchmarks.maximin [--quick] [--goals | --peers NAME ...] [--seeds N] [--problems NAME ...]
+                                         [--runs FOLDER] [--fronts FOLDER] [--json FILE]
 
 Ours twice: ``MaxiMinNSGA2``, and pymoo's own NSGA-II with our survival, ``NSGA2(survival=MaxiMin())``; between these
 two only the mating differs. Peers are as pymoo ships them: NSGA-II with crowding, and with its crowding "pcd" (two
 objectives only) and "mnn", NSGA-III and MOEA/D (without constraints only) with one reference direction an individual,
-SMS-EMOA (not with five objectives) and AGE-MOEA; with --goals those of our goals alone, crowding and SMS-EMOA.
+SMS-EMOA (not with five objectives) and AGE-MOEA; with --peers those named alone, with --goals those of our goals,
+crowding and SMS-EMOA.
 Problems are ZDT, DTLZ, WFG, MW, CTP, DASCMOP, BNH, OSY and TNK of pymoo's, the 55 of COCO's bbob-biobj where its
 package ``coco-experiment`` is installed, a steep tail and ``energy_torque``; ``--problems`` takes names and families.
 
@@ -32,6 +33,7 @@ from studies.benchmarks.maximin.cases import BIOBJECTIVE, COCO, Case, cases
 from studies.benchmarks.maximin.interleaved_runs import run_all
 from studies.benchmarks.maximin.judging import comparison_rows, cost_rows, goal_rows, judge
 from studies.benchmarks.maximin.methods import CROWDING, HYPERVOLUME, LEFT_OUT
+from studies.benchmarks.pymoo_peers import PEERS
 from studies.reporting import report, study_parser
 
 QUICK = {"ZDT1": 50, "ZDT5": 50, "DTLZ2-3": 40, "MW3": 50, "steep tail": 50}
@@ -64,7 +66,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = study_parser(__doc__, quick="five problems, few generations, 11 seeds")
     parser.add_argument("--seeds", type=int, help="runs of each method (31; 11 with --quick)")
     parser.add_argument("--problems", nargs="+", default=[], metavar="NAME", help="only these problems or families")
-    parser.add_argument("--goals", action="store_true", help=f"beside {CROWDING} and {HYPERVOLUME} alone")
+    beside = parser.add_mutually_exclusive_group()
+    beside.add_argument("--goals", action="store_true", help=f"beside {CROWDING} and {HYPERVOLUME} alone")
+    beside.add_argument("--peers", nargs="+", choices=PEERS, metavar="NAME", help=f"some of {', '.join(PEERS)} alone")
     parser.add_argument("--fronts", type=Path, metavar="FOLDER", help="keep the union fronts here and add to them")
     parser.add_argument("--runs", type=Path, metavar="FOLDER", help="keep every run here, and read what is there")
     options = parser.parse_args(arguments)
@@ -72,8 +76,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if seeds < 2:
         parser.error(f"--seeds: at least 2 wanted, got {seeds}")
     chosen = choose_cases(options.problems, quick=options.quick)
-    if options.goals:
-        chosen = [replace(case, peers=(CROWDING, HYPERVOLUME)) for case in chosen]
+    peers = (CROWDING, HYPERVOLUME) if options.goals else options.peers
+    if peers is not None:
+        chosen = [replace(case, peers=tuple(peers)) for case in chosen]
     tell_left_out(chosen, quick=options.quick)
     runs = run_all(chosen, seeds, options.runs)
     if min((len(each) for each in runs.values()), default=0) < 2:

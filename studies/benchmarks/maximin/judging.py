@@ -90,23 +90,25 @@ def comparison_rows(judged: Judged) -> list[Row]:
 
 
 def goal_rows(judged: Judged, chosen: Sequence[Case]) -> list[Row]:
-    """Return what we want of each of ours, and whether it is so."""
+    """Return what we want of each of ours beside the peers of the goals that ran, and whether it is so."""
     return [
         row
         for method in judged.comparisons
-        for row in (_never_behind(judged, method), *_ahead_in_time(judged, method, chosen))
+        for row in (*_never_behind(judged, method), *_ahead_in_time(judged, method, chosen))
     ]
 
 
-def _never_behind(judged: Judged, method: str) -> Row:
+def _never_behind(judged: Judged, method: str) -> list[Row]:
     """No significant loss to crowding anywhere, in no indicator."""
     comparisons = [one for one in judged.comparisons[method] if one.peer == CROWDING]
+    if not comparisons:
+        return []
     losses = [one for one in comparisons if one.verdict.startswith("loss")]
     won, undecided = (sum(one.verdict.startswith(word) for one in comparisons) for word in ("win", "undecided"))
     note = f"of {len(comparisons)} comparisons {won} won, {undecided} undecided"
     note += "".join(f"; {one.problem} {one.indicator}: {one.verdict}" for one in losses)
     verdict = "NOT MET" if losses else "met" if undecided < len(comparisons) else "UNDECIDED"  # by too few seeds
-    return _goal(method, f"significant losses to {CROWDING}", len(losses), 0, f"{verdict}: {note}")
+    return [_goal(method, f"significant losses to {CROWDING}", len(losses), 0, f"{verdict}: {note}")]
 
 
 def _ahead_in_time(judged: Judged, method: str, chosen: Sequence[Case]) -> list[Row]:

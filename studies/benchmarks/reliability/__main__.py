@@ -1,12 +1,13 @@
-"""Runs killed and gone on with, journals cut and damaged: what is lost of them.
+"""Runs killed and gone on with, journals cut and damaged, disks that are full: what is lost of them.
 
-    python -m studies.benchmarks.reliability [--quick] [--kills N] [--json FILE]
+    python -m studies.benchmarks.reliability [--quick] [--kills N] [--parts kills journal disks] [--json FILE]
 
 Runs of the command line (a search, one with refinement, a plan, an ε-front, a refinement, a closed loop) are killed by
 SIGKILL: half of them at times spread over all that they compute, half at what they do to files (open, make, rename,
 remove, have on the disk), spread over all of it; every third is killed again as it goes on. What they come to is
 compared with a run that nobody killed, bit for bit. A journal has what was computed up to a moment: its age at the kill
-is the work that was lost, at most. Then a real journal is cut at every byte of its end and has bits flipped anywhere.
+is the work that was lost, at most. Then a real journal is cut at every byte of its end and has bits flipped anywhere;
+and a search is run on disks from 4 kB to what it fills up in its course.
 """
 
 from __future__ import annotations
@@ -15,13 +16,29 @@ import tempfile
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from paretoik.run_files import CHECKPOINT, JOURNAL
+from studies.benchmarks.reliability.full_disk import (
+    SmallDisk,
+    disk_sizes,
+    namespaces_can_mount,
+    run_on_small_disk,
+)
 from studies.benchmarks.reliability.journals import count_flips, count_wrong_cuts
-from studies.benchmarks.reliability.kills import COMMANDS, Kill, Kind, WholeRun, kill, run_killed, whole_run
+from studies.benchmarks.reliability.kills import (
+    COMMANDS,
+    Kill,
+    Kind,
+    WholeRun,
+    kill,
+    result_of,
+    run_killed,
+    whole_run,
+)
 from studies.reporting import Row, report, study_parser, tell
 
 
@@ -29,7 +46,8 @@ from studies.reporting import Row, report, study_parser, tell
 class ReliabilityOptions:
     """How many ``kills`` there are, ``quick`` ones, every so many ``twice``; bytes of ``cuts`` and bits of ``flips``.
 
-    The journal that is cut is that of a search of so many ``generations``, stopped after so many ``seconds``.
+    So many ``disks`` are too small, ``quick_disks`` with --quick; one of ``large`` bytes is not. The journal that is
+    cut is that of a search of so many ``generations``, stopped after so many ``seconds``.
     """
 
     kills: int = 240
@@ -37,21 +55,33 @@ class ReliabilityOptions:
     twice: int = 3
     cuts: int = 2000
     flips: int = 1000
+    disks: int = 50
+    quick_disks: int = 6
     generations: int = 10_000
     seconds: float = 2.0
+    large: int = 2**30
 
 
 OPTIONS = ReliabilityOptions()
+PARTS = ("kills", "journal", "disks")
 
 
 def main() -> None:
     """Run the benchmark."""
     parser = study_parser(__doc__ or "", quick=f"{OPTIONS.quick} kills")
     parser.add_argument("--kills", type=int, metavar="N", help=f"how many ({OPTIONS.kills})")
+    parser.add_argument("--parts", nargs="+", choices=PARTS, default=PARTS, metavar="PART", help=", ".join(PARTS))
     arguments = parser.parse_args()
-    count = arguments.kills or (OPTIONS.quick if arguments.quick else OPTIONS.kills)
-    with tempfile.TemporaryDirectory() as folder:
-        rows = [*_kill_rows(Path(folder), count), *_journal_rows(Path(folder))]
+    kills = arguments.kills or (OPTIONS.quick if arguments.quick else OPTIONS.kills)
+    disks = OPTIONS.quick_disks if arguments.quick else OPTIONS.disks
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place)
+        rows_of = {
+            "kills": lambda: _kill_rows(folder, kills),
+            "journal": lambda: _journal_rows(folder),
+            "disks": lambda: _disk_rows(folder, disks),
+        }
+        rows = [row for part in PARTS if part in arguments.parts for row in rows_of[part]()]
     report(rows, json_file=arguments.json)
 
 
@@ -107,6 +137,27 @@ def _journal_rows(folder: Path) -> Iterator[Row]:
         source="goal",
         note=note,
     )
+
+
+def _disk_rows(folder: Path, count: int) -> Iterator[Row]:
+    """Yield what comes of a search on disks that are too small, and by how much longer it takes than on a large one."""
+    if not namespaces_can_mount():
+        print("left out: small disks, as this system lets no user mount any")
+        return
+    whole = run_on_small_disk("search", OPTIONS.large, folder, "")
+    result = result_of(folder / "copy" / "run")
+    disks = list[SmallDisk]()
+    for size in disk_sizes(count):
+        disks.append(run_on_small_disk("search", size, folder, result))
+        tell(f"a disk of {size / 2**20:.3g} MB: {disks[-1].outcome}")
+    outcomes = Counter(each.outcome for each in disks)
+    words = ", ".join(f"{number} {outcome}" for outcome, number in outcomes.most_common())
+    longer = max(each.seconds for each in disks) - whole.seconds
+    lost = next((each.words for each in disks if each.outcome == "lost"), "")
+    place = partial(Row, table="full disks", row="search")
+    yield place(column="disks", unit="", ours=len(disks), note=words)
+    yield place(column="lost", unit="", ours=outcomes["lost"], reference=0, source="goal", note=lost)
+    yield place(column="longer than on a large one, most", unit="s", ours=longer, reference=10, source="goal")
 
 
 def _journal_of(command: tuple[str, ...], folder: Path) -> bytes:

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import numpy as np
 import rerun as rr
 from hypothesis import given
 from hypothesis import strategies as st
 
 from paretoik.review.drawing.drawn_axes import Canvas
-from paretoik.review.drawing.label_places import label_place
-from paretoik.review.drawing.panel_marks import log_ends
+from paretoik.review.drawing.label_places import half_size, joined_label, joined_label_place, label_place, line_points
+from paretoik.review.drawing.panel_marks import log_ends, ring_radii
+from paretoik.review.drawing.search_layers import LAYERS
 from paretoik.review.drawing_options import MARKS
+from paretoik.review.label_candidates import NO_LINES, count_crossed
 from paretoik.review.recording.recorded_point import RecordedPoint
 from tests.review.reading import read, rows
 
@@ -35,6 +39,70 @@ def test_a_label_covers_no_mark_where_one_side_is_free(mark):
     assert not (np.abs(crowd - at) < HALF).all(axis=1).any()
 
 
+@given(places, st.integers(0, 400))
+def test_a_joined_label_stands_on_nothing_even_where_dots_fill_the_frame(mark, side_room):
+    crowded = Canvas(low=CANVAS.low, high=CANVAS.high, labels=("x", "torque_norm [N²m²s]"), side_room=side_room)
+    crowd = np.array([(x, y) for x in range(0, 501, 16) for y in range(0, 391, 10)], dtype=float)
+    at, half = joined_label_place(crowded, np.array(mark), "point 29", crowd), half_size("point 29")
+    assert not (np.abs(crowd - at) < half).all(axis=1).any()
+    assert at[0] - half[0] >= crowded.upper_label_end  # nor on what the axis upwards is called
+    assert at[0] + half[0] <= 500 + side_room
+
+
+@given(places, st.lists(places, max_size=200))
+def test_a_label_is_beside_its_mark_or_a_line_joins_them(mark, others):
+    words, mark = "point 29\nbest torque_norm", np.array(mark)
+    label, line = joined_label(CANVAS, mark, words, np.array([mark, *others]), (255, 255, 255, 255))
+    middle, half = joined_label_place(CANVAS, mark, words, np.array([mark, *others])), half_size(words)
+    gap = float(np.linalg.norm(np.maximum(np.abs(mark - middle) - half, 0.0)))
+    strips = line.strips.as_arrow_array().to_pylist()
+    assert label.labels.as_arrow_array().to_pylist() == [words]
+    assert bool(strips) == (gap > MARKS.leader)
+    for start, end in strips:
+        np.testing.assert_allclose(start, mark, atol=1e-3)
+        assert (np.abs(np.array(end) - middle) <= half + 1e-3).all()
+
+
+corners = st.tuples(st.integers(0, 20), st.integers(0, 20))
+
+
+def cross(a, b, c, d) -> bool:
+    """Say whether the lines a to b and c to d cross, by the exact shares of both at which they would."""
+    (ux, uy), (vx, vy), (wx, wy) = ((q[0] - p[0], q[1] - p[1]) for p, q in ((a, b), (c, d), (a, c)))
+    whole = ux * vy - uy * vx
+    shares = () if whole == 0 else (Fraction(wx * vy - wy * vx, whole), Fraction(wx * uy - wy * ux, whole))
+    return bool(shares) and all(0 < share < 1 for share in shares)
+
+
+@given(corners, st.lists(corners, min_size=1, max_size=5), st.lists(st.tuples(corners, corners), max_size=5))
+def test_the_lines_that_are_crossed_are_counted(start, ends, lines):
+    counted = count_crossed(np.array(start, float), np.array(ends, float), np.array(lines, float).reshape(-1, 2, 2))
+    assert counted.tolist() == [sum(cross(start, end, *line) for line in lines) for end in ends]
+
+
+def test_the_line_to_a_label_goes_round_that_of_another_label():
+    named = Canvas(low=CANVAS.low, high=CANVAS.high, labels=("x", "torque_norm [N²m²s]"))
+    crowd = np.array([(x, y) for x in range(0, 501, 16) for y in range(0, 391, 10)], dtype=float)
+    mark, wall = np.array([15.0, 60.0]), np.array([[60.0, -40.0], [60.0, 35.0]])
+    straight, detour = (joined_label_place(named, mark, "point 29", crowd, lines) for lines in (NO_LINES, wall[None]))
+    assert _is_crossed(mark, straight, wall)
+    assert not _is_crossed(mark, detour, wall)
+
+
+def _is_crossed(mark: np.ndarray, middle: np.ndarray, wall: np.ndarray) -> bool:
+    half = half_size("point 29")
+    return bool(count_crossed(mark, np.clip(mark, middle - half, middle + half)[None], wall[None])[0])
+
+
+@given(st.lists(st.tuples(places, places), min_size=1, max_size=4))
+def test_no_label_lies_between_two_points_of_a_line(ends):
+    lines = np.array(ends)
+    narrow = 2 * half_size("best") + 8.0  # what a label keeps free
+    for line in lines:
+        steps = np.diff(line_points(line[None]), axis=0)
+        assert (np.abs(steps) <= narrow).all()
+
+
 def test_best_points_that_are_one_are_rings_around_each_other_with_both_names(tmp_path):
     ends = [(0, 4), (1, 7), (2, 4), (None, 7)]
     points = [RecordedPoint(axis=axis, id=id, objectives=np.zeros(2), motion=None) for axis, id in ends]
@@ -52,3 +120,15 @@ def test_best_points_that_are_one_are_rings_around_each_other_with_both_names(tm
     hovered = rows(entities["/front/ends"], "generation", "labels")[1].tolist()
     both = "point 4 of level 1, best energy, best way"
     assert hovered == [both, "point 7 of level 1, best torque", both]
+
+
+@given(st.lists(places, min_size=2, max_size=5), st.data())
+def test_the_mark_of_every_best_point_is_seen_whatever_lies_on_it(at, data):
+    near = data.draw(st.lists(st.integers(0, len(at) - 1), min_size=2, max_size=4))
+    at = np.array([at[place] for place in near])  # some of them in one place
+    marks, chosen = list(range(len(at) - 1)), [len(at) - 1]
+    radii = ring_radii(at, marks, chosen)
+    for row in marks:
+        for above in range(row + 1, len(at)):
+            if np.linalg.norm(at[row] - at[above]) == 0:
+                assert radii[row] > (radii[above] if above in marks else LAYERS["chosen"][1])

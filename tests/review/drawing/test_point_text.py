@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 import rerun as rr
 
-from paretoik.review.drawing.point_text import run_text, text_of
+from paretoik.review.drawing.drawn_axes import TEXT, text_width
+from paretoik.review.drawing.point_text import text_of
 from paretoik.review.drawing.search_charts import search_charts
 from paretoik.review.drawing.search_scene import SearchScene
 from paretoik.review.recording.recorded_point import RecordedPoint
 from paretoik.review.recording.recorder import Generation
+from paretoik.review.run_words import run_text
 from tests.review.reading import read, rows
 
 
@@ -29,7 +31,7 @@ def generation(front: list[list[float]], **more) -> Generation:
 def test_an_empty_front_says_why_it_is_empty():
     words = text_of(scene(), generation([]))
     assert "0 points on the front." in words
-    assert "None of the 3 individuals keeps all limits" in words
+    assert "None of the 3 individuals keeps all limits and constraints of the problem" in words
     assert "keeps all limits" not in text_of(scene(), generation([[1.0, 2.0]]))
 
 
@@ -66,8 +68,9 @@ def test_numbers_of_a_generation_have_their_units():
     point = RecordedPoint(id=0, objectives=np.array([1.5, 2.0]))
     both = generation([[1.0, 2.0], [2.0, 3.0]], hypervolume=0.5, points=(point,))
     words = text_of(scene(), both)
-    assert "hypervolume 0.5 J s." in words
-    assert "best 1 J s, compromise 1.5 J s" in words
+    assert "hypervolume 0.5\u00a0J\u00a0s." in words  # no line ends within a unit
+    assert "best 1\u00a0J\u00a0s, compromise 1.5\u00a0J\u00a0s" in words
+    assert "**reach [1]**: best 3, compromise 2" in words  # what has no unit says so, once
     titles = [chart.labels[1] for chart, _, _ in search_charts(scene(), [both])]
     assert titles[0] == "hypervolume [J s]"
     assert titles[2] == "best reach [1] ↑"
@@ -81,7 +84,33 @@ def test_a_run_is_told_in_words():
     words = run_text({"status": "optima", "settings": settings, "counts": counts})
     assert "- ended: all starts were tried" in words
     assert "- refine: no" in words
+    assert "solver" not in words  # nothing was solved
     assert "- took 1 start, 2 optima, 1.668 s" in words
     assert "- 1 point converged" in words
     assert "- took 14 bounds ε" in run_text({"counts": {"levels": 14}})
+    assert "- points of the front, at most: 200" in run_text({"settings": {"population": 60, "points": 200}})
+    assert "- points of the front: 12" in run_text({"settings": {"points": 12}})
+    assert "- starts for every redundant degree: 2" in run_text({"settings": {"starts": 2}, "counts": {"optima": 11}})
     assert "- ended: interrupted" in run_text({"status": "interrupted"})
+
+
+@pytest.mark.parametrize("n_obj", [2, 3])
+def test_the_name_of_the_compromise_lies_on_no_dot_of_a_crowded_front(tmp_path, n_obj):
+    names = tuple(f"objective_{axis}" for axis in range(n_obj))
+    crowded = SearchScene(names=names, units=("m",) * n_obj, maximised=(False,) * n_obj)
+    F, final = np.random.default_rng(2).uniform(0, 1, (2, 400, n_obj))
+    middle = int(np.linalg.norm(F - 0.5, axis=1).argmin())
+    point = RecordedPoint(id=middle, objectives=F[middle])
+    one = Generation(number=1, population=F[:50], front=F, front_ids=np.arange(len(F)), points=(point,))
+    canvases = crowded.canvases(F)
+    with rr.RecordingStream("crowd") as stream:
+        stream.save(tmp_path / "crowd.rrd")
+        stream.set_time("generation", sequence=1)
+        crowded.log_generation(stream, one, canvases, behind=final)
+    name = read(tmp_path / "crowd.rrd")["/front/objective_0\\ -\\ objective_1/chosen/name"]
+    place = rows(name, "generation", "positions")[1][0] + (0.0, TEXT.drop)
+    half = np.array([0.5 * text_width(f"point {middle}"), 0.4 * TEXT.line])
+    dots = canvases[0].place(np.concatenate([F, final])[:, :2])
+    assert not (np.abs(dots - place) < half).all(axis=1).any()
+    (leader,) = rows(name, "generation", "strips")[1]
+    np.testing.assert_allclose(leader[0], canvases[0].place(F[middle, :2]), rtol=1e-4)

@@ -14,12 +14,23 @@ from paretoik.review.drawing.choice_layer import write_choice_layer
 from paretoik.review.drawing.drawn_axes import TEXT, text_width
 from paretoik.review.drawing.joint_charts import limit_lines
 from paretoik.review.drawing.recorded_views import read_recorded
+from paretoik.review.drawing_options import MARKS
 from paretoik.review.palette import SCREEN
 from paretoik.review.recording.recorded_point import record_motion
 from paretoik.review.recording.workcell import workcell_of
 from problems.kim_2021 import directions_dam, point_to_point_dam
 from problems.marcos_2012 import loop
-from tests.review.reading import FRAME, SECOND, blank_views, missing_entities, read, rows, shown, static_words, views
+from tests.review.reading import (
+    FRAME,
+    SECOND,
+    blank_views,
+    missing_entities,
+    read,
+    rows,
+    shown,
+    static_words,
+    views,
+)
 
 
 def planar() -> pk.Tracking:
@@ -122,6 +133,33 @@ def test_the_labels_of_the_chosen_point_and_of_the_one_looked_at_never_overlap(r
             assert (np.abs(place[0] - chosen[0]) >= (0.9 * wide, 0.6 * TEXT.line)).any()
 
 
+def test_no_name_of_a_point_lies_on_a_dot_and_one_farther_off_is_joined_to_its_own(run):
+    _, front, file = run
+    entities = read(file)
+    if len(front.names) < 2:
+        return
+    (panel, *_) = {path.rsplit("/", 2)[0] for path in entities if path.endswith("/chosen/name") and "front" in path}
+    final = static_values(entities[f"{panel}/final"], "positions")
+    drawn = {layer: rows(entities[f"{panel}/{layer}"], "generation", "positions") for layer in ("population", "front")}
+    names = entities[f"{panel}/chosen/name"]
+    words, places = (rows(names, "generation", component) for component in ("labels", "positions"))
+    leaders = rows(names, "generation", "strips")
+    for number, place in places.items():
+        if not len(place):
+            continue
+        dots = [np.array(final).reshape(-1, 2)]
+        dots += [np.array(layer.get(number, ())).reshape(-1, 2) for layer in drawn.values()]
+        lines = str(words[number][0]).split("\n")
+        half = np.array(
+            [0.5 * text_width(max(lines, key=len)), 0.4 * TEXT.line + 0.5 * MARKS.label_line * (len(lines) - 1)]
+        )
+        middle = place[0] + (0.0, TEXT.drop + 0.5 * MARKS.label_line * (len(lines) - 1))
+        assert not (np.abs(np.concatenate(dots) - middle) < half).all(axis=1).any(), number
+        (mark,) = rows(entities[f"{panel}/chosen"], "generation", "positions")[number]
+        gap = np.linalg.norm(np.maximum(np.abs(mark - middle) - half - (8.0, 2.0), 0.0))
+        assert len(leaders.get(number, ())) == (gap > MARKS.leader)
+
+
 def test_individuals_outside_the_axes_are_counted_in_words(run):
     _, front, file = run
     entities = read(file)
@@ -182,7 +220,7 @@ def test_the_words_are_those_of_what_is_shown(run):
     assert " 1 points" not in last
     for name, unit in zip(front.names, front.units, strict=True):
         assert name in last
-        assert unit in last
+        assert unit.replace(" ", "\u00a0") in last  # no line ends within a unit
     assert "population: 16" in last
     along = rows(words, "point", "text")
     assert len(along) >= (min(len(front), 3) if len(front) > 1 else 0)
@@ -329,14 +367,11 @@ def test_a_closed_loop_opens_on_the_step_whose_search_was_recorded(tmp_path):
     for timeline, times in {"step": (0, 7, 30), "generation": (0, 5), "individual": (0, 3)}.items():
         for view, origin in views(file).items():
             for time in times:
-                if (
-                    timeline == "step"
-                    and time == 0
-                    and not origin.startswith(("/arm", "/step_7", "/joint", "/legend", "/text"))
-                ):
-                    continue  # the first step is step 1
                 drawn = [path for path in shown(entities, origin, timeline, time) if not path.endswith(FRAME)]
                 assert drawn, (view, origin, timeline, time)
+    notes = rows(entities[r"/front/joint_displacement\ -\ position_error/note"], "step", "labels")
+    assert notes[0].tolist() == ["no front before step 1"]
+    assert not len(notes.get(1, ()))
     words = rows(entities["/text"], "step", "text")
     assert str(words[0][0]).startswith("# Step 0\n\nThe arm stands where it begins")
     assert str(words[1][0]).startswith("# Step 1\n")
@@ -347,4 +382,4 @@ def test_a_closed_loop_opens_on_the_step_whose_search_was_recorded(tmp_path):
     searched = rows(entities["/step_7/text"], "generation", "text")
     assert all(str(searched[number][0]).startswith(f"# Step 7, generation {number}") for number in searched)
     one_by_one = rows(entities["/step_7/text"], "individual", "text")
-    assert f", 4 of {len(one_by_one)} by joint_displacement\n" in str(one_by_one[3][0])
+    assert f", number 4 of {len(one_by_one)} by joint_displacement\n" in str(one_by_one[3][0])

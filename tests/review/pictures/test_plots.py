@@ -119,3 +119,20 @@ def test_jumps_are_drawn_apart_from_branches(tmp_path, monkeypatch, make_front):
         drawn.clear()
         certificates_picture(replace(front, problem=high(jumping)), tmp_path / "certificates.png")
         assert sum(size == 2 and line == ":" for size, line, _ in drawn) == len(jumping)
+
+
+@pytest.mark.parametrize("planar", [True, False])
+def test_every_obstacle_is_in_the_picture_of_a_motion(planar, make_front):
+    motion = make_front(2, points=2, planar=planar).motions[0]
+    ball = pk.obstacles.Sphere([0.5, 0.5, 0.2], 0.3)
+    figure = Figure()
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(subplot_kw={} if planar else {"projection": "3d"})
+    stroboscopic(axes, replace(motion, obstacles=(ball,)))
+    if planar:
+        (patch,) = axes.patches
+        reached = patch.get_xy()
+        np.testing.assert_allclose(np.ptp(reached, axis=0), 2 * np.sqrt(0.3**2 - 0.2**2), rtol=0.01)
+    else:
+        reached = np.concatenate([np.stack(line.get_data_3d(), axis=1) for line in axes.lines[:3]])
+        np.testing.assert_allclose(np.ptp(reached, axis=0), 0.6, rtol=0.01)

@@ -186,7 +186,7 @@ def test_a_failed_ending_keeps_the_recording_of_the_run(tmp_path, monkeypatch, m
     for generation in make_generations(2):
         started.record(generation)
 
-    def fail(*_):
+    def fail(*_, **__):
         raise OSError("No space left on device")
 
     monkeypatch.setattr(SearchScene, "log_generation", fail)

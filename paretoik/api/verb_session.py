@@ -1,0 +1,80 @@
+"""What every verb needs around its computation: observer, clock, time limit, and the signals that may end it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass, field
+from signal import SIGINT
+
+from paretoik.api.progress import Observer
+from paretoik.api.progress_display import open_observer
+from paretoik.errors import SolverFailed
+from paretoik.execution.interrupts import Interruption, interruptible
+from paretoik.execution.time_limit import TimeLimit, time_limit
+from paretoik.stop_flag import Interrupted
+
+
+@dataclass(kw_only=True, eq=False)
+class VerbSession:
+    """A verb at work: its observer, its clock, and the signals that may end it."""
+
+    observe: Observer | None
+    interruption: Interruption
+    started: float = field(default_factory=time.monotonic)
+    limit: TimeLimit = field(default_factory=lambda: TimeLimit(seconds=None))
+
+    @property
+    def seconds(self) -> float:
+        """Time since the start [s]."""
+        return time.monotonic() - self.started
+
+    @property
+    def signal(self) -> str | None:
+        """Name of the signal that came, if any."""
+        return None if self.interruption.signal is None else self.interruption.signal.name
+
+    @property
+    def stopped_by(self) -> str | None:
+        """What ended the computation early: the name of a signal, or "time limit"."""
+        return self.signal or ("time limit" if self.limit.reached else None)
+
+    @contextmanager
+    def computing(self, seconds: float | None) -> Iterator[None]:
+        """Let the body compute for so many seconds at most; it then returns what it has, as after a signal.
+
+        Raises InvalidInput for what is no time, SolverFailed where the body has nothing by then.
+        """
+        with time_limit(seconds) as self.limit:
+            try:
+                yield
+            except Interrupted:
+                if self.signal is None and self.limit.reached:
+                    raise SolverFailed(f"time_limit: nothing was found within {seconds:g} s; more are wanted") from None
+                raise
+
+
+@contextmanager
+def verb_session(
+    observe: Observer | bool | None, *, time_limit: float | None = None, catch_signals: bool = True
+) -> Iterator[VerbSession]:
+    """Open a verb: catch signals, show its progress. Within another verb's, signals are that one's.
+
+    Where the body raises Interrupted, a signal came before there was anything to return: KeyboardInterrupt after
+    Ctrl-C, SystemExit(143) after SIGTERM. Without ``catch_signals`` these end the body as without a
+    verb. Raises InvalidInput for an observer that cannot be called.
+    """
+    signals = interruptible() if catch_signals else nullcontext(Interruption())
+    with open_observer(observe, time_limit=time_limit) as observer, signals as interruption:
+        try:
+            yield VerbSession(observe=observer, interruption=interruption)
+        except Interrupted:
+            raise _exit_of(interruption) from None
+
+
+def _exit_of(interruption: Interruption) -> BaseException:
+    """Return what a signal would have raised, or ended Python with, had nobody caught it."""
+    if interruption.signal is None:  # another thread's
+        return KeyboardInterrupt()
+    return KeyboardInterrupt() if interruption.signal == SIGINT else SystemExit(interruption.exit_code)

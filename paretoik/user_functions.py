@@ -1,0 +1,57 @@
+"""Functions of users, which may raise anything: what they raise becomes one line that names them."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+
+import numpy as np
+
+from paretoik.arrays import Objectives
+from paretoik.errors import EvaluationFailed, ParetoikError
+
+REPEATABLE = 1e-6  # share of a value by which it may differ when computed again, in another batch
+
+
+@contextmanager
+def user_function(name: str, failure: type[ParetoikError] = EvaluationFailed) -> Iterator[None]:
+    """Call a user's function in the body: what it raises is raised as ``failure``, by ``name`` and with its cause.
+
+    Our own errors and Ctrl-C pass. What would end the process as if all were well, sys.exit, fails as everything else.
+    """
+    try:
+        yield
+    except (ParetoikError, KeyboardInterrupt):
+        raise
+    except BaseException as error:
+        raise failure(f"{name} raised {cause_of(error)}") from error
+
+
+def cause_of(error: BaseException, where: str = "") -> str:
+    """Return what was raised in one line: its type, ``where``, and its text if it has one."""
+    kind = f"{type(error).__name__}{where}"
+    try:
+        text = " ".join(str(error).split())
+    except Exception:  # a user's exception may have a text that raises
+        return kind
+    return f"{kind}: {text}" if text else kind
+
+
+def warn_of_odd_objectives(names: Sequence[str], values: Objectives, again: Objectives) -> None:
+    """Warn of objectives that are the same for all arguments, or not the same for the same ones.
+
+    ``values`` are in the user's own sign, ``again`` those of the first arguments computed once more.
+    """
+    for name, column, repeated in zip(names, values.T, again.T, strict=True):
+        first = column[: len(repeated)]
+        differ = ~np.isclose(first, repeated, rtol=REPEATABLE, atol=0, equal_nan=True)
+        finite = column[np.isfinite(column)]
+        if differ.any():
+            text = f"one value for one argument wanted, got {first[differ][0]:.6g} and then {repeated[differ][0]:.6g}"
+            text += ": what is found by it is a matter of chance"
+        elif len(finite) > 1 and np.ptp(finite) == 0:
+            text = f"different values wanted, got {finite[0]:.6g} for each of {len(finite)}: nothing depends on it"
+        else:
+            continue
+        warnings.warn(f"objective {name}: {text}", RuntimeWarning, stacklevel=2)

@@ -1,0 +1,96 @@
+"""What fails late loses nothing that was found before it, with a folder and without one."""
+
+import numpy as np
+import pytest
+
+import paretoik as pk
+from paretoik.errors import EvaluationFailed, InvalidInput
+from paretoik.run_files import RUN, read_run
+from tests.search.problems import Parabolas
+
+SIZES = {"population": 12, "generations": 9, "seed": 1}
+
+
+class Ageing(Parabolas):
+    """A problem whose evaluations change after so many ``calls``."""
+
+    def __init__(self, change, calls=5):
+        super().__init__()
+        self.change, self.last = change, calls
+
+    def _evaluate(self, x, out, *args, **kwargs):
+        super()._evaluate(x, out)
+        if self.calls > self.last:
+            self.change(out)
+
+
+def refuse(out):
+    raise InvalidInput("wrist: metres wanted")
+
+
+def leave(out):
+    raise SystemExit(0)
+
+
+def test_the_front_found_before_a_late_error_is_in_the_folder_and_on_the_error(tmp_path):
+    with pytest.raises(InvalidInput, match="wrist: metres wanted") as failure:
+        pk.solve(Ageing(refuse), **SIZES, out=tmp_path / "run")
+    kept = pk.load_front(tmp_path / "run")
+    assert len(kept) > 0
+    np.testing.assert_array_equal(kept.objectives, failure.value.partial.objectives)
+    run = read_run(tmp_path / "run" / RUN)
+    assert (run["status"], run["reason"]) == ("InvalidInput", "wrist: metres wanted")
+    assert run["counts"]["generations"] == 4  # the first row is evaluated twice
+    assert failure.value.__notes__ == [f"the front found by then, of {len(kept)} points, is in {tmp_path / 'run'}"]
+
+
+def test_without_a_folder_the_error_has_the_front():
+    with pytest.raises(InvalidInput, match="wrist: metres wanted") as failure:
+        pk.solve(Ageing(refuse), **SIZES)
+    assert len(failure.value.partial) > 0
+    assert failure.value.__notes__ == [
+        f"the front found by then, of {len(failure.value.partial)} points, is in the error's .partial"
+    ]
+
+
+def test_an_observer_that_raises_ends_the_search_by_its_own_error_and_keeps_the_front(tmp_path):
+    def watch(progress):
+        if progress.stage == "generation" and progress.done == 5:
+            raise LookupError("no more")
+
+    with pytest.raises(LookupError, match="no more"):
+        pk.solve(Parabolas(), **SIZES, out=tmp_path / "run", observe=watch)
+    assert pk.load_front(tmp_path / "run").provenance["counts"]["generations"] == 5
+
+
+def test_an_evaluation_that_calls_sys_exit_fails_and_the_search_goes_on():
+    front = pk.solve(Ageing(leave), **SIZES, stagnation=False)
+    counts = front.provenance["counts"]
+    assert counts["generations"] == SIZES["generations"]
+    assert counts["failed"] == 12 * (SIZES["generations"] - 4)
+    assert counts["first_cause"] == "the problem raised SystemExit: 0"
+    with pytest.raises(EvaluationFailed, match="all 12 failed, the first with: the problem raised SystemExit: 0"):
+        pk.solve(Ageing(leave, calls=0), **SIZES)
+
+
+def test_views_that_fail_are_a_warning_and_the_result_is_there(problem, tmp_path):
+    """A constraint that raises once the search is over is asked again for what the picture says."""
+    over = False
+
+    @pk.constraint(unit="rad", upper=100.0, form="terminal")
+    def tired(motion):
+        if over:
+            raise ValueError("enough")
+        return motion.q[..., -1, 0]
+
+    def watch(progress):
+        nonlocal over
+        over = over or progress.stage == "saving"
+
+    strained = pk.Tracking(
+        problem.task.arm, problem.task.tasks, objectives=[pk.kinetic_energy, pk.torque_norm], constraints=[tired]
+    )
+    words = "the result is saved, but not all views of it: EvaluationFailed: constraint tired raised ValueError: enough"
+    with pytest.warns(RuntimeWarning, match=words):
+        front = pk.solve(strained, **SIZES, out=tmp_path / "run", observe=watch)
+    np.testing.assert_array_equal(pk.load_front(tmp_path / "run").objectives, front.objectives)
