@@ -82,7 +82,7 @@ class _Account:
     computed: float = 0.0
     items: int = 0
     starting: bool = True  # workers, until the first reply, which takes longer than others
-    told: bool = False
+    warned: bool = False
 
 
 _ACTIVE: list[_Account] = []  # at most one, like the journal
@@ -165,9 +165,9 @@ def _itself(values: Values) -> Values:
 
 
 def _tell_whether_workers_pay(account: _Account) -> None:
-    if account.told or account.waited < OPTIONS.trial:
+    if account.warned or account.waited < OPTIONS.trial:
         return
-    account.told = True
+    account.warned = True
     if account.computed < account.waited:
         each = account.computed / max(account.items, 1)
         text = (

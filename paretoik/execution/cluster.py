@@ -72,7 +72,7 @@ class Cluster:
             b"",
             None,
         )  # as it is, as bytes, and where it is with the scheduler
-        self._told: set[str] = set()
+        self._warnings: set[str] = set()
 
     @property
     def workers(self) -> int:
@@ -110,8 +110,8 @@ class Cluster:
 
     def tell(self, text: str) -> None:
         """Warn of something, once."""
-        if text not in self._told:
-            self._told.add(text)
+        if text not in self._warnings:
+            self._warnings.add(text)
             warnings.warn(f"cluster: {text}", RuntimeWarning, stacklevel=2)
 
 

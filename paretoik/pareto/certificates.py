@@ -72,14 +72,14 @@ def certify(
     """
     count, n_obj = len(x), len(ranges)
     programs = program if isinstance(program, Sequence) else [program] * count
-    found = dict[int, _Certificate]()
+    by_place = dict[int, _Certificate]()
     with suppress(Interrupted):
         for i, certificate in _certificates(programs, x, ranges):
-            found[i] = certificate
+            by_place[i] = certificate
             if observe is not None:
-                observe(len(found), count)
+                observe(len(by_place), count)
     late = "interrupted before it was certified"
-    certificates = [found.get(i) or _unknown(programs[i], x[i], n_obj, late) for i in range(count)]
+    certificates = [by_place.get(i) or _unknown(programs[i], x[i], n_obj, late) for i in range(count)]
     violation = np.array([each.violation for each in certificates]).reshape(count)
     weights = np.array([each.weights for each in certificates]).reshape(count, n_obj)
     ratios = np.array([each.ratios for each in certificates]).reshape(count, n_obj, n_obj, 2)
