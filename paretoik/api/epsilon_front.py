@@ -16,6 +16,7 @@ from paretoik.api.run_session import RunSession, Subject, run_session
 from paretoik.api.sweep_display import SweepDisplay
 from paretoik.arrays import Genes, Points
 from paretoik.errors import InvalidInput
+from paretoik.execution.executor import check_workers
 from paretoik.execution.time_limit import check_time_limit
 from paretoik.formulations.protocol import Differentiable
 from paretoik.formulations.requirements import require_program
@@ -38,6 +39,8 @@ def epsilon_front(
     solver: Solver = "auto",
     out: str | Path | None = None,
     time_limit: float | None = None,
+    workers: int | None = None,
+    cluster: str | None = None,
     overwrite: bool = False,
     reference: str | None = None,
     observe: Observer | bool | None = None,
@@ -64,6 +67,8 @@ def epsilon_front(
         ``level``, and pictures (not after a signal). ``overwrite`` allows it to replace a run that is there.
     time_limit
         Seconds after which the sweep ends and keeps what it has.
+    workers, cluster
+        As for ``solve``: starts are solved there, and points certified.
     reference
         Where the problem can be loaded from (``file.py:name``), kept in the run for ``load_front``.
     observe
@@ -90,6 +95,7 @@ def epsilon_front(
     check_count("starts", starts)
     check_seed("seed", seed)
     check_time_limit(time_limit)
+    check_workers(workers, cluster)
     check_flag("overwrite", overwrite)
     formulation = require_program("epsilon_front", problem)
     if len(formulation.names) < 2:
@@ -106,6 +112,8 @@ def epsilon_front(
         observe=observe,
         time_limit=time_limit,
         resumable=True,
+        workers=workers,
+        cluster=cluster,
     ) as session:
         starting = remembered_points(starting)
         with session.computing(time_limit):

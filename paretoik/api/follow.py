@@ -25,7 +25,10 @@ from paretoik.review.recording.recorder import Generation, SearchedStep, SearchE
 from paretoik.review.recording.workcell import workcell_of
 from paretoik.run_files import PICTURE, SEARCHES, STEPS
 
-SEARCH_SETTINGS = ("initial", "evaluations", "target", "anchors", "algorithm", "refine", "solver")  # not of a loop
+SEARCH_SETTINGS = (
+    *("initial", "evaluations", "target", "anchors", "algorithm", "refine", "solver"),
+    *("workers", "cluster", "evaluation_timeout"),
+)  # not of a loop
 
 
 class LoopRun:

@@ -12,6 +12,7 @@ from paretoik.api.plan_display import PlanDisplay
 from paretoik.api.plan_storage import save_plan
 from paretoik.api.progress import Observer
 from paretoik.api.run_session import Subject, run_session
+from paretoik.execution.executor import check_workers
 from paretoik.execution.time_limit import check_time_limit
 from paretoik.formulations.requirements import require_plan
 from paretoik.inputs import check_count, check_flag, check_seed
@@ -30,6 +31,8 @@ def plan(
     solver: Solver = "auto",
     out: str | Path | None = None,
     time_limit: float | None = None,
+    workers: int | None = None,
+    cluster: str | None = None,
     overwrite: bool = False,
     reference: str | None = None,
     observe: Observer | bool | None = None,
@@ -57,6 +60,8 @@ def plan(
         replace a run that is there.
     time_limit
         Seconds after which the search ends and keeps what it has.
+    workers, cluster
+        As for ``solve``: starts are solved there.
     reference
         Where the problem can be loaded from (``file.py:name``), kept in the run for ``load_plan``.
     observe
@@ -88,6 +93,7 @@ def plan(
     check_count("starts", starts)
     check_seed("seed", seed)
     check_time_limit(time_limit)
+    check_workers(workers, cluster)
     check_flag("overwrite", overwrite)
     find_optima = require_plan(problem)
     if solver != "auto":  # which takes what there is, and looks at values before derivatives
@@ -102,6 +108,8 @@ def plan(
         observe=observe,
         time_limit=time_limit,
         resumable=True,
+        workers=workers,
+        cluster=cluster,
     ) as session:
         initial = remembered_motions(problem, initial)
         display = PlanDisplay(session, problem)

@@ -20,6 +20,7 @@ from paretoik.api.time_left import OPTIONS as TIME_LEFT
 from paretoik.api.verb_session import verb_session
 from paretoik.arrays import Genes, Ids, Points
 from paretoik.errors import InvalidInput
+from paretoik.execution.executor import check_workers
 from paretoik.execution.run_folder import check_other_folder
 from paretoik.execution.time_limit import check_time_limit
 from paretoik.fingerprint.fingerprint import check_fingerprint
@@ -43,6 +44,8 @@ def refine(
     solver: Solver = "auto",
     out: str | Path | None = None,
     time_limit: float | None = None,
+    workers: int | None = None,
+    cluster: str | None = None,
     overwrite: bool = False,
     reference: str | None = None,
     observe: Observer | bool | None = None,
@@ -65,6 +68,8 @@ def refine(
         there.
     time_limit
         Seconds after which it ends and keeps what it has.
+    workers, cluster
+        As for ``solve``: points are refined and certified there.
     reference
         Where the problem can be loaded from (``file.py:name``), kept in the run for ``load_front``; by default what the
         front's own run says.
@@ -89,6 +94,7 @@ def refine(
     former = {**front.provenance, **({} if front.folder is None else {"run": str(front.folder)})}
     check_solver(formulation.program(), solver)
     check_time_limit(time_limit)
+    check_workers(workers, cluster)
     check_flag("overwrite", overwrite)
     if out is not None:
         check_other_folder("out", file_path("out", out), front.folder)
@@ -102,6 +108,8 @@ def refine(
         observe=observe,
         time_limit=time_limit,
         resumable=True,
+        workers=workers,
+        cluster=cluster,
         source=front,
     ) as session:
         display = RefinementDisplay(session, front, problem)

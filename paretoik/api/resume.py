@@ -15,9 +15,10 @@ from paretoik.api.plan import plan
 from paretoik.api.progress import Observer
 from paretoik.api.refine import refine
 from paretoik.api.run_problem import check_problem_argument, problem_of_run
-from paretoik.api.run_session import SOURCE, StoppedRun, versions
+from paretoik.api.run_session import SOURCE, StoppedRun
 from paretoik.api.solve import solve
 from paretoik.errors import InvalidInput, InvalidRun
+from paretoik.execution.machine import versions
 from paretoik.execution.run_folder import reclaim_folder
 from paretoik.execution.time_limit import check_time_limit
 from paretoik.fingerprint.fingerprint import check_fingerprint
@@ -41,6 +42,8 @@ def resume(
     *,
     algorithm: Any = None,
     time_limit: float | None = None,
+    workers: int | None = None,
+    cluster: str | None = None,
     live: bool = False,
     observe: Observer | bool | None = None,
 ) -> Front | Plan:
@@ -59,6 +62,8 @@ def resume(
         The pymoo algorithm, with the same settings, of a run of ``solve`` that was given one.
     time_limit
         Seconds after which it stops again and keeps what it has.
+    workers, cluster
+        As for ``solve``; they may be others than before.
     live, observe
         As for ``solve``.
 
@@ -80,7 +85,9 @@ def resume(
     read_run(folder / RUN)  # what is no run is not locked
     with reclaim_folder(folder):
         verb, arguments = _call(folder, problem, algorithm)
-        shown = {"live": live} if verb is solve else {}
+        shown = {"live": live, "workers": workers, "cluster": cluster}
+        if verb is not solve:
+            del shown["live"]
         with journalled(folder / CHECKPOINT / JOURNAL):
             return verb(**arguments, **shown, out=StoppedRun(folder), time_limit=time_limit, observe=observe)
 

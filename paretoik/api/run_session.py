@@ -7,13 +7,14 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
-from importlib.metadata import version
 from pathlib import Path, PosixPath
 from typing import Any
 
 from paretoik.api.progress import Observer, RunProgress
 from paretoik.api.verb_session import VerbSession, verb_session
 from paretoik.errors import InvalidInput
+from paretoik.execution.executor import open_executor
+from paretoik.execution.machine import versions
 from paretoik.execution.reserved_space import ReservedSpace
 from paretoik.execution.run_folder import claim_folder
 from paretoik.fingerprint.fingerprint import fingerprint
@@ -29,7 +30,6 @@ from paretoik.user_functions import cause_of
 
 SOURCE = Path(CHECKPOINT, "source")  # within a run's folder
 RESERVE = Path(CHECKPOINT, "reserve")
-PACKAGES = ("paretoik", "pymoo", "numpy", "scipy", "numba", "clarabel")  # whose versions a result depends on
 
 
 class StoppedRun(PosixPath):
@@ -193,12 +193,16 @@ def run_session(
     live: bool = False,
     resumable: bool = False,
     source: Front | None = None,
+    workers: int | None = None,
+    cluster: str | None = None,
+    isolated: bool = False,
 ) -> Iterator[RunSession]:
     """Open a run: claim its folder, catch signals, and save why it failed if it does.
 
     Without ``catch_signals`` a signal ends the body as it would have without a run. What one that is ``resumable``
-    computes goes into its journal; ``source`` is the front that it begins with, if any. Raises InvalidInput where the
-    folder cannot be used, a setting cannot be JSON, or what is to be seen live has no folder to be recorded in.
+    computes goes into its journal; ``source`` is the front that it begins with, if any. ``workers``, ``cluster`` and
+    ``isolated`` say who computes, as ``open_executor`` has them. Raises InvalidInput where the folder cannot be used, a
+    setting cannot be JSON, what is to be seen live has no folder to be recorded in, or there are no such workers.
     """
     check_flag("live", live)
     if live and out is None:
@@ -229,6 +233,7 @@ def run_session(
             if source is not None and not isinstance(out, StoppedRun):
                 _save_source(source, folder)  # before there is a journal: what has one can go on
             stack.enter_context(journalled(folder / CHECKPOINT / JOURNAL))
+        stack.enter_context(open_executor(workers, cluster, isolated=isolated))
         try:
             yield session
         except (Exception, KeyboardInterrupt) as error:  # Interrupted among them
@@ -237,11 +242,6 @@ def run_session(
         finally:
             if session.recorder is not None:
                 session.recorder.close()
-
-
-def versions() -> dict[str, str]:
-    """Return the versions of the packages that a result depends on, by name."""
-    return {name: version(name) for name in PACKAGES}
 
 
 @contextmanager

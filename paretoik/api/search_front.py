@@ -84,6 +84,7 @@ class FrontSearch:
             "points": settings.points,
             "refine": settings.refine,
             "solver": settings.solver,
+            "evaluation_timeout": settings.evaluation_timeout,
             "time_limit": settings.time_limit,
         }
 
@@ -128,7 +129,13 @@ class FrontSearch:
         observe = partial(self._show, session)
         endings = [*self.endings, _Signal(session)]
         try:
-            status = evolve(search, endings, observe=observe, improve=self.improver)
+            status = evolve(
+                search,
+                endings,
+                seconds=self._solve_settings.evaluation_timeout,
+                observe=observe,
+                improve=self.improver,
+            )
         except Exception as error:  # a user's function, or observer, may fail late
             if len(search.archive.F):
                 session.keep_found(self._front(session, type(error).__name__), error)

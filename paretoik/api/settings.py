@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from paretoik.inputs import check_flag
+from paretoik.execution.executor import check_workers
+from paretoik.inputs import check_flag, positive_number
 from paretoik.nlp.program import Solver
 
 
@@ -28,11 +29,17 @@ class SolveSettings:
     refine: bool = False
     solver: Solver = "auto"
     record_steps: Sequence[int] = ()
+    workers: int | None = None
+    cluster: str | None = None
+    evaluation_timeout: float | None = None
 
     def __post_init__(self) -> None:
-        """Check the flags."""
+        """Check the flags, the timeout, and the workers."""
         check_flag("stagnation", self.stagnation)
         check_flag("refine", self.refine)
+        check_workers(self.workers, self.cluster)
+        if self.evaluation_timeout is not None:
+            positive_number("evaluation_timeout", self.evaluation_timeout, "s")
 
 
 @dataclass(frozen=True, kw_only=True)

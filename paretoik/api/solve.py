@@ -41,6 +41,9 @@ def solve(
     points: int | None = 200,
     refine: bool = False,
     solver: Solver = "auto",
+    workers: int | None = None,
+    cluster: str | None = None,
+    evaluation_timeout: float | None = None,
     overwrite: bool = False,
     record_steps: Sequence[int] = (),
     live: bool = False,
@@ -84,6 +87,17 @@ def solve(
     solver
         Which solver ``refine`` uses: "interior-point" for smooth objectives and limits, "sqp" (convex subproblems by
         Clarabel) for any; "auto" takes the first where it can.
+    workers, cluster
+        So many processes on this machine that rows are evaluated in, or the address of a Dask scheduler,
+        "tcp://HOST:PORT", whose workers do it (``pip install "paretoik[cluster]"``; started by ``dask scheduler`` and
+        ``dask worker ADDRESS --nworkers 8 --nthreads 1``); without either it is this process. The front is the same,
+        bit for bit, but workers are worth it only where a row takes some milliseconds; a warning says when they are
+        not. A problem has to be one that can be sent: its code goes along, the files that it opens do not. A row that
+        ends four workers has failed.
+    evaluation_timeout
+        Seconds that the evaluation of one row may take: then it is ended and has failed, whatever it was doing. Rows
+        are evaluated one by one, in workers, one of them by default. The first row of a new worker has 5 s more, as
+        code is loaded then.
     record_steps
         Steps of a closed loop, from 1 on, whose searches are kept generation by generation, in searches.npz and on the
         recording's timelines ``generation`` and ``individual``: populations, fronts, what was chosen, and the arms.
@@ -96,8 +110,9 @@ def solve(
         Called with a ``RunProgress`` after every generation, or step, and every point that is refined. By default a bar
         shows it where stderr is a terminal; True prints lines elsewhere, False shows nothing.
 
-    Of a closed loop ``initial``, ``evaluations``, ``target``, ``anchors``, ``algorithm``, ``refine`` and ``solver``
-    mean nothing and are refused; ``points`` and ``stagnation`` have no effect.
+    Of a closed loop ``initial``, ``evaluations``, ``target``, ``anchors``, ``algorithm``, ``refine``, ``solver``,
+    ``workers``, ``cluster`` and ``evaluation_timeout`` mean nothing and are refused; ``points`` and ``stagnation`` have
+    no effect.
 
     Ctrl-C and SIGTERM end the search, or the refinement, within a second or after the generation under way, and keep
     the result; why it ended stands in ``front.provenance["status"]``, what it took in its ``counts``.
@@ -126,6 +141,9 @@ def solve(
         points=points,
         refine=refine,
         solver=solver,
+        workers=workers,
+        cluster=cluster,
+        evaluation_timeout=evaluation_timeout,
         record_steps=record_steps,
     )
     run: FrontSearch | LoopRun = RUNS[timeline(problem)](problem, settings)
@@ -139,6 +157,9 @@ def solve(
         time_limit=settings.time_limit,
         live=live,
         resumable=True,
+        workers=workers,
+        cluster=cluster,
+        isolated=evaluation_timeout is not None,
     ) as session:
         front = run.run(session)
         session.finish(front)

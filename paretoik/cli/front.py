@@ -8,7 +8,17 @@ import typer
 
 from paretoik.api.progress_display import open_observer
 from paretoik.cli.console import JsonFlag, QuietFlag, finish_front, stdout_for_results
-from paretoik.cli.options import OutFolder, Overwrite, Problem, Seed, SolverOption, Starts, TimeLimit
+from paretoik.cli.options import (
+    ClusterAddress,
+    OutFolder,
+    Overwrite,
+    Problem,
+    Seed,
+    SolverOption,
+    Starts,
+    TimeLimit,
+    Workers,
+)
 
 
 def front(
@@ -19,6 +29,8 @@ def front(
     seed: Seed = 0,
     solver: SolverOption = "auto",
     time_limit: TimeLimit = None,
+    workers: Workers = None,
+    cluster: ClusterAddress = None,
     overwrite: Overwrite = False,
     quiet: QuietFlag = False,
     as_json: JsonFlag = False,
@@ -40,6 +52,8 @@ def front(
             solver=solver,
             out=out,
             time_limit=time_limit,
+            workers=workers,
+            cluster=cluster,
             overwrite=overwrite,
             reference=problem,
             observe=observe or False,

@@ -30,4 +30,13 @@ SolverOption = Annotated[
 TimeLimit = Annotated[
     float | None, typer.Option(help="Stop after so many seconds and keep the result.", show_default=False)
 ]
+Workers = Annotated[
+    int | None, typer.Option(help="Processes on this machine that compute (none: this one).", show_default=False)
+]
+ClusterAddress = Annotated[
+    str | None,
+    typer.Option(
+        "--cluster", help="Dask scheduler whose workers compute.", metavar="tcp://HOST:PORT", show_default=False
+    ),
+]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace a run in the folder, once there is a result.")]

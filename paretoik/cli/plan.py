@@ -10,7 +10,17 @@ import typer
 from paretoik.api.progress_display import open_observer
 from paretoik.api.run_text import optima_entries, plan_text
 from paretoik.cli.console import JsonFlag, QuietFlag, exit_code, print_json, stdout_for_results
-from paretoik.cli.options import OutFolder, Overwrite, Problem, Seed, SolverOption, Starts, TimeLimit
+from paretoik.cli.options import (
+    ClusterAddress,
+    OutFolder,
+    Overwrite,
+    Problem,
+    Seed,
+    SolverOption,
+    Starts,
+    TimeLimit,
+    Workers,
+)
 from paretoik.trajectory.plan import Plan
 
 
@@ -21,6 +31,8 @@ def plan(
     seed: Seed = 0,
     solver: SolverOption = "auto",
     time_limit: TimeLimit = None,
+    workers: Workers = None,
+    cluster: ClusterAddress = None,
     overwrite: Overwrite = False,
     quiet: QuietFlag = False,
     as_json: JsonFlag = False,
@@ -41,6 +53,8 @@ def plan(
             solver=solver,
             out=out,
             time_limit=time_limit,
+            workers=workers,
+            cluster=cluster,
             overwrite=overwrite,
             reference=problem,
             observe=observe or False,

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from paretoik.api.progress_display import open_observer
 from paretoik.cli.console import JsonFlag, QuietFlag, RunFolder, finish_front, stdout_for_results
-from paretoik.cli.options import OutFolder, Overwrite, RunProblem, SolverOption, TimeLimit
+from paretoik.cli.options import ClusterAddress, OutFolder, Overwrite, RunProblem, SolverOption, TimeLimit, Workers
 from paretoik.errors import InvalidInput
 from paretoik.front.front import Front
 
@@ -17,6 +17,8 @@ def refine(
     problem: RunProblem = None,
     solver: SolverOption = "auto",
     time_limit: TimeLimit = None,
+    workers: Workers = None,
+    cluster: ClusterAddress = None,
     overwrite: Overwrite = False,
     quiet: QuietFlag = False,
     as_json: JsonFlag = False,
@@ -33,6 +35,8 @@ def refine(
             solver=solver,
             out=out,
             time_limit=time_limit,
+            workers=workers,
+            cluster=cluster,
             overwrite=overwrite,
             observe=observe or False,
         )

@@ -8,7 +8,7 @@ import typer
 
 from paretoik.api.progress_display import open_observer
 from paretoik.cli.console import JsonFlag, QuietFlag, RunFolder, finish_front, stdout_for_results
-from paretoik.cli.options import RunProblem, TimeLimit
+from paretoik.cli.options import ClusterAddress, RunProblem, TimeLimit, Workers
 from paretoik.cli.plan import finish_plan
 from paretoik.front.front import Front
 from paretoik.run_files import RUN, read_run
@@ -18,6 +18,8 @@ def resume(
     run: RunFolder,
     problem: RunProblem = None,
     time_limit: TimeLimit = None,
+    workers: Workers = None,
+    cluster: ClusterAddress = None,
     live: Annotated[
         bool, typer.Option("--live", help="Open a viewer on the run; without a screen, say how to attach one.")
     ] = False,
@@ -31,7 +33,9 @@ def resume(
     with stdout_for_results(), open_observer(not quiet, time_limit=time_limit) as observe:
         from paretoik.api.resume import resume as resume_run
 
-        result = resume_run(run, problem, time_limit=time_limit, live=live, observe=observe or False)
+        result = resume_run(
+            run, problem, time_limit=time_limit, workers=workers, cluster=cluster, live=live, observe=observe or False
+        )
     if isinstance(result, Front):
         finish_front(result, run, as_json=as_json)
     objective = read_run(run / RUN)["objective"]

@@ -8,7 +8,7 @@ import typer
 
 from paretoik.api.progress_display import open_observer
 from paretoik.cli.console import JsonFlag, QuietFlag, finish_front, stdout_for_results
-from paretoik.cli.options import OutFolder, Overwrite, Problem, SolverName, TimeLimit
+from paretoik.cli.options import ClusterAddress, OutFolder, Overwrite, Problem, SolverName, TimeLimit, Workers
 
 
 def solve(
@@ -23,6 +23,12 @@ def solve(
     points: Annotated[int, typer.Option(help="Most points of the front, spread over it.")] = 200,
     seed: Annotated[int | None, typer.Option(help="Seed of all chance (0).", show_default=False)] = None,
     time_limit: TimeLimit = None,
+    workers: Workers = None,
+    cluster: ClusterAddress = None,
+    evaluation_timeout: Annotated[
+        float | None,
+        typer.Option(help="Seconds after which an evaluation is ended, and has failed.", show_default=False),
+    ] = None,
     refine: Annotated[
         bool, typer.Option("--refine", help="Let gradients help, and add ends and certificates.")
     ] = False,
@@ -57,6 +63,9 @@ def solve(
             seed=seed,
             out=out,
             time_limit=time_limit,
+            workers=workers,
+            cluster=cluster,
+            evaluation_timeout=evaluation_timeout,
             refine=refine,
             solver=solver,
             overwrite=overwrite,

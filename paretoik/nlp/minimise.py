@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import os
 import threading
+import warnings
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
+from contextlib import suppress
 from dataclasses import replace
 from functools import cache, partial
 from typing import Any, get_args
@@ -15,14 +17,15 @@ from jaxtyping import Float
 
 from paretoik import stop_flag
 from paretoik.arrays import Points
+from paretoik.distribution import Lost, distribute_remembered, threads, workers
 from paretoik.errors import InvalidInput
 from paretoik.inputs import check_choice
-from paretoik.journal import remembered
+from paretoik.journal import Values, remembered
 from paretoik.nlp import sqp
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.program import Goal, Program, Solver
 from paretoik.nlp.program_key import program_key
-from paretoik.nlp.solutions import CONVERGED, INTERRUPTED, NO_PROGRESS, NOT_FINITE, Solutions
+from paretoik.nlp.solutions import CONVERGED, INTERRUPTED, LOST, NO_PROGRESS, NOT_FINITE, Solutions
 from paretoik.nlp.violation import violation_of
 from paretoik.stop_flag import STOP, Interrupted, check_interruption
 
@@ -99,27 +102,33 @@ def _interior_point(
             )
             for each in options
         ]
-    unknown = np.full(len(program.upper), np.nan)
-    ends: list[Any] = [(start, INTERRUPTED, 0, unknown, None, np.nan, np.nan) for start in x]
+    ends = [_unknown_end(program, start, INTERRUPTED) for start in x]
     points = zip(x, weights, upper, options, strict=True)
     keys = [program_key("interior-point minimum", program, start, rows, *inputs) for start, *inputs in points]
     remaining = iter(range(count))
+
+    def start_of(i: int) -> tuple[Any, ...]:
+        return np.ascontiguousarray(x[i]), weights[i].copy(), rows, upper[i].copy(), options[i]
 
     def work(kernel: Any) -> None:
         for i in remaining:  # whichever thread is free takes the next point
             if STOP[0]:
                 return
-            start = np.ascontiguousarray(x[i]), weights[i].copy(), rows, upper[i].copy()
-            ends[i] = _remembered_end(keys[i], partial(search, kernel, *start, options[i], STOP))
+            ends[i] = _remembered_end(keys[i], partial(search, kernel, *start_of(i), STOP))
 
-    if count == 1 and type(kernel) in _COMPILED and _hears_signals():
+    if count > 1 and workers() > 1:
+        if type(kernel) not in _COMPILED:  # workers find on the disk what is compiled here
+            search(kernel, *start_of(0)[:-1], options[0]._replace(iterations=0), STOP)
+            _COMPILED.add(type(kernel))
+        _distribute(_interior_point_end, program, [start_of(i) for i in range(count)], keys, ends)
+    elif count == 1 and type(kernel) in _COMPILED and _hears_signals():
         work(kernel)
     elif count:
-        kernels = [kernel, *(program.kernel for _ in range(1, min(count, _cores())))]  # one for a thread
+        kernels = [kernel, *(program.kernel for _ in range(1, min(count, threads())))]  # one for a thread
         _join([_pool().submit(work, each) for each in kernels])
         _COMPILED.add(type(kernel))
     for i in range(count if program.kinked else 0):  # what was minimised is smoothed
-        if ends[i][1] not in (NOT_FINITE, INTERRUPTED):
+        if ends[i][1] not in (NOT_FINITE, INTERRUPTED, LOST):
             F, equalities, inequalities = program.evaluate(ends[i][0])
             violation = violation_of(program, F, equalities, inequalities, rows, upper[i])
             ends[i] = (*ends[i][:3], F, *ends[i][4:6], violation)
@@ -152,11 +161,7 @@ def _join(futures: list[Future[None]], *, interval: float = 0.25) -> None:
 @cache
 def _pool() -> ThreadPoolExecutor:
     """Return threads, one a core, that last as long as the process: compiled code leaves Python's lock alone."""
-    return ThreadPoolExecutor(_cores())
-
-
-def _cores() -> int:
-    return os.cpu_count() or 1
+    return ThreadPoolExecutor(threads())
 
 
 os.register_at_fork(after_in_child=_pool.cache_clear)  # threads do not come along
@@ -170,19 +175,23 @@ def _sqp(
     upper: np.ndarray,
     options: Sequence[InteriorPointOptions],
 ) -> Solutions:
-    ends = list[tuple[Any, ...]]()
+    ends = [_unknown_end(program, start, INTERRUPTED) for start in x]
+    starts, keys = list[tuple[Any, ...]](), list[bytes | None]()
     for start, factors, bounds, each in zip(x, weights, upper, options, strict=True):
-        if STOP[0]:
-            ends.append((start, INTERRUPTED, 0, np.full(len(program.upper), np.nan), None, np.nan, np.nan))
-            continue
         settings = sqp.SqpOptions(radius=each.radius, iterations=each.iterations, tolerance=each.tolerance)
-        goal = Goal(weights=factors, rows=rows, upper=bounds)
-        key = program_key("SQP minimum", program, start, factors, rows, bounds, each)
-        ends.append(_remembered_end(key, partial(_sqp_end, program, start, goal, settings)))
+        starts.append((start, Goal(weights=factors, rows=rows, upper=bounds), settings))
+        keys.append(program_key("SQP minimum", program, start, factors, rows, bounds, each))
+    if len(x) > 1 and workers() > 1:
+        _distribute(_sqp_end, program, starts, keys, ends)
+        return _collect(ends, x.shape, len(program.upper), upper)
+    for i, one in enumerate(starts):
+        if STOP[0]:
+            break
+        ends[i] = _remembered_end(keys[i], partial(_solve_by_sqp, program, *one))
     return _collect(ends, x.shape, len(program.upper), upper)
 
 
-def _sqp_end(program: Program, start: np.ndarray, goal: Goal, settings: sqp.SqpOptions) -> tuple[Any, ...]:
+def _solve_by_sqp(program: Program, start: np.ndarray, goal: Goal, settings: sqp.SqpOptions) -> tuple[Any, ...]:
     end = sqp.minimise(program, start, goal, settings)
     point = end.x, end.status, end.iterations, end.objectives
     return (*point, end.bound_multipliers, end.stationarity, end.violation)
@@ -193,16 +202,50 @@ END = ("x", "status", "iterations", "F", "multipliers", "stationarity", "violati
 
 def _remembered_end(key: bytes | None, search: Callable[[], tuple[Any, ...]]) -> tuple[Any, ...]:
     """Return the end of a search, from the run's journal where it is there."""
-    if key is None:
-        return search()
+    return search() if key is None else _end_of(remembered(key, lambda: _values_of(search())))
 
-    def compute() -> dict[str, np.ndarray]:
-        end = zip(END, search(), strict=True)
-        return {name: np.asarray(value) for name, value in end if value is not None}
 
-    values = remembered(key, compute)
+def _values_of(end: tuple[Any, ...]) -> Values:
+    """Return the end of a search as plain arrays by name."""
+    return {name: np.asarray(value) for name, value in zip(END, end, strict=True) if value is not None}
+
+
+def _end_of(values: Values) -> tuple[Any, ...]:
+    """Return plain arrays by name as the end of a search."""
     end = {name: values[name] if values[name].ndim else values[name].item() for name in END if name in values}
     return tuple(end.get(name) for name in END)
+
+
+def _unknown_end(program: Program, start: np.ndarray, status: int) -> tuple[Any, ...]:
+    """Return the end of a search that was not made, or of which nothing came."""
+    return start, status, 0, np.full(len(program.upper), np.nan), None, np.nan, np.nan
+
+
+def _distribute(
+    search: Callable[[Program, Any], Values],
+    program: Program,
+    starts: Sequence[tuple[Any, ...]],
+    keys: Sequence[bytes | None],
+    ends: list[tuple[Any, ...]],
+) -> None:
+    """Put in place what searches of workers end at, as they end: after a signal the others stay as they were."""
+    with suppress(Interrupted):
+        for i, values in distribute_remembered(search, program, starts, keys):
+            if isinstance(values, Lost):
+                warnings.warn(f"start {i}: {values.cause}; the others go on", RuntimeWarning, stacklevel=2)
+                ends[i] = _unknown_end(program, starts[i][0], LOST)
+            else:
+                ends[i] = _end_of(values)
+
+
+def _interior_point_end(program: Program, start: tuple[Any, ...]) -> Values:
+    from paretoik.nlp.compiled.interior_point import minimise as search  # here: numba
+
+    return _values_of(search(program.kernel, *start, STOP))
+
+
+def _sqp_end(program: Program, start: tuple[np.ndarray, Goal, sqp.SqpOptions]) -> Values:
+    return _values_of(_solve_by_sqp(program, *start))
 
 
 def _collect(

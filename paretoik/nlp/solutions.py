@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float, Int
 
 from paretoik.arrays import Points
 
-CONVERGED, ITERATION_LIMIT, NO_PROGRESS, SINGULAR, VIOLATED, NOT_FINITE, INTERRUPTED = range(7)
+CONVERGED, ITERATION_LIMIT, NO_PROGRESS, SINGULAR, VIOLATED, NOT_FINITE, INTERRUPTED, LOST = range(8)
 
 STATUSES = {
     CONVERGED: "converged",
@@ -21,6 +21,7 @@ STATUSES = {
     VIOLATED: "limits cannot all hold",
     NOT_FINITE: "not finite where it starts",
     INTERRUPTED: "interrupted",
+    LOST: "the workers that tried it ended",
 }
 
 

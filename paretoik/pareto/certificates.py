@@ -7,17 +7,19 @@ computed of one point leaves that one undetermined, with the reason, and no othe
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import Point, Points
+from paretoik.distribution import Lost, distribute_remembered, workers
 from paretoik.errors import EvaluationFailed, SolverFailed
 from paretoik.front.certificates import Certificates
-from paretoik.journal import remembered
+from paretoik.journal import Values, remembered
 from paretoik.nlp.conic import Constraints
 from paretoik.nlp.criticality import active_set_criticality, criticality
 from paretoik.nlp.program import Goal, Linearisation, Program, bounded
@@ -69,17 +71,15 @@ def certify(
     left are undetermined.
     """
     count, n_obj = len(x), len(ranges)
-    certificates = list[_Certificate]()
     programs = program if isinstance(program, Sequence) else [program] * count
-    for i, (each, one) in enumerate(zip(programs, x, strict=True)):
-        try:
-            check_interruption()
-            certificates.append(_remembered_certificate(each, one, ranges))
-        except Interrupted:
-            certificates.append(_unknown(each, one, n_obj, "interrupted before it was certified"))
-            continue
-        if observe is not None:
-            observe(i + 1, count)
+    by_place = dict[int, _Certificate]()
+    with suppress(Interrupted):
+        for i, certificate in _certificates(programs, x, ranges):
+            by_place[i] = certificate
+            if observe is not None:
+                observe(len(by_place), count)
+    late = "interrupted before it was certified"
+    certificates = [by_place.get(i) or _unknown(programs[i], x[i], n_obj, late) for i in range(count)]
     violation = np.array([each.violation for each in certificates]).reshape(count)
     weights = np.array([each.weights for each in certificates]).reshape(count, n_obj)
     ratios = np.array([each.ratios for each in certificates]).reshape(count, n_obj, n_obj, 2)
@@ -126,20 +126,53 @@ def weights_at(program: Program, x: Points, n_obj: int) -> Float[np.ndarray, "po
     return weights
 
 
-def _remembered_certificate(program: Program, x: Point, ranges: Float[np.ndarray, " n_obj"]) -> _Certificate:
-    """Return the certificate of a point, from the run's journal where it is there."""
-    key = program_key("certificate", program, x, ranges)
-    if key is None:
-        return _certify_point(program, x, ranges)
+def _certificates(
+    programs: Sequence[Program], x: Points, ranges: Float[np.ndarray, " n_obj"]
+) -> Iterator[tuple[int, _Certificate]]:
+    """Yield the place of every point with its certificate, from the run's journal where it is there.
 
-    def compute() -> dict[str, np.ndarray]:
-        certificate = _certify_point(program, x, ranges)
-        curvature = certificate.curvature
-        better = {} if curvature.better is None else {"better": curvature.better}
-        numbers = {name: np.asarray(getattr(certificate, name)) for name in NUMBERS}
-        return {**numbers, "curvature": np.array([curvature.status, curvature.reason], dtype=np.str_), **better}
+    Raises Interrupted after a signal.
+    """
+    if len(x) > 1 and workers() > 1:
+        yield from _distributed_certificates(programs, x, ranges)
+        return
+    for i, (program, one) in enumerate(zip(programs, x, strict=True)):
+        check_interruption()
+        key = program_key("certificate", program, one, ranges)
+        compute = partial(_certify_values, None, (program, one, ranges))
+        yield i, _certificate_of(remembered(key, compute))
 
-    values = remembered(key, compute)
+
+def _distributed_certificates(
+    programs: Sequence[Program], x: Points, ranges: Float[np.ndarray, " n_obj"]
+) -> Iterator[tuple[int, _Certificate]]:
+    """Yield the place of every point with its certificate, as workers return them."""
+    check_interruption()
+    points = list(zip(programs, x, strict=True))
+    keys = [program_key("certificate", program, one, ranges) for program, one in points]
+    common = programs[0] if all(program is programs[0] for program in programs) else None
+    items = [(None if common is not None else program, one, ranges) for program, one in points]
+    for i, values in distribute_remembered(_certify_values, common, items, keys):
+        if isinstance(values, Lost):
+            yield i, _unknown(programs[i], x[i], len(ranges), values.cause)
+        else:
+            yield i, _certificate_of(values)
+
+
+def _certify_values(common: Program | None, point: tuple[Program | None, Point, Float[np.ndarray, " n_obj"]]) -> Values:
+    """Return the certificate of a point of its program, or of the ``common`` one, as plain arrays."""
+    program, x, ranges = point
+    program = common if program is None else program
+    assert program is not None
+    certificate = _certify_point(program, x, ranges)
+    curvature = certificate.curvature
+    better = {} if curvature.better is None else {"better": curvature.better}
+    numbers = {name: np.asarray(getattr(certificate, name)) for name in NUMBERS}
+    return {**numbers, "curvature": np.array([curvature.status, curvature.reason], dtype=np.str_), **better}
+
+
+def _certificate_of(values: Values) -> _Certificate:
+    """Return plain arrays as a certificate."""
     status, reason = map(str, values["curvature"])
     return _Certificate(
         violation=float(values["violation"]),

@@ -13,7 +13,8 @@ from paretoik.errors import EvaluationFailed, InvalidInput
 from paretoik.search.ask_tell import Search
 from paretoik.search.constraints import Floats
 from paretoik.search.endings import Ending, Progress
-from paretoik.search.evaluation import Evaluate, evaluate_again, evaluate_candidates
+from paretoik.search.evaluation import Evaluate
+from paretoik.search.generation_evaluation import Evaluation, evaluate_again, evaluate_candidates
 from paretoik.user_functions import warn_of_odd_objectives
 
 
@@ -22,6 +23,7 @@ def evolve(
     endings: Sequence[Ending],
     *,
     evaluate: Evaluate | None = None,
+    seconds: float | None = None,
     observe: Callable[[Progress], object] | None = None,
     improve: Callable[[Progress], Genes | None] | None = None,
 ) -> str:
@@ -29,8 +31,9 @@ def evolve(
 
     ``evaluate(X)`` returns a mapping with "F", with constraints "G" and "H", and if it likes "cause", a text a row that
     says why it failed; by default it is the problem's own. When it raises, its rows are tried one by one, and those
-    that raise again count as failed. After each generation ``observe`` is shown the progress, and ``improve`` may
-    return genes to be evaluated in the next. Ctrl-C ends with "interrupted".
+    that raise again count as failed. Workers, where there are any, give up a row after so many ``seconds``. After each
+    generation ``observe`` is shown the progress, and ``improve`` may return genes to be evaluated in the next. Ctrl-C
+    ends with "interrupted".
 
     Raises InvalidInput for no ending, EvaluationFailed where every evaluation of the first generation failed.
     """
@@ -38,12 +41,13 @@ def evolve(
         raise InvalidInput("endings: at least one wanted, got none")
     if evaluate is None:
         evaluate = partial(search.problem.evaluate, return_as_dictionary=True)
+    evaluation = Evaluation(problem=search.problem, evaluate=evaluate, seconds=seconds)
     memory = max(ending.memory for ending in endings)
     past: tuple[Floats, ...] = ()
     started = time.monotonic()
     try:
         while True:
-            _one_generation(search, evaluate)
+            _one_generation(search, evaluation)
             progress = _progress(search, past, time.monotonic() - started)
             if observe is not None:
                 observe(progress)
@@ -59,10 +63,10 @@ def evolve(
         return "interrupted"
 
 
-def _one_generation(search: Search, evaluate: Evaluate) -> None:
+def _one_generation(search: Search, evaluation: Evaluation) -> None:
     candidates = search.ask()
     ids = candidates.ids
-    outcome = evaluate_candidates(search, candidates, evaluate)
+    outcome = evaluate_candidates(search, candidates, evaluation)
     causes = {int(ids[row]): cause for row, cause in outcome.causes.items()}
     search.tell(ids, outcome.F, outcome.G, H=outcome.H, causes=causes)
     if candidates.generation == 0 and search.failed.count == len(ids):
@@ -71,7 +75,7 @@ def _one_generation(search: Search, evaluate: Evaluate) -> None:
             f"the first with: {search.failed.first_cause}"
         )
     if candidates.generation == 0:
-        again, signs = evaluate_again(search, candidates, evaluate), np.where(search.maximised, -1.0, 1.0)
+        again, signs = evaluate_again(search, candidates, evaluation), np.where(search.maximised, -1.0, 1.0)
         warn_of_odd_objectives(search.names, outcome.F * signs, again * signs)
 
 

@@ -28,15 +28,39 @@ def loop() -> pk.ClosedLoop:
 class Slow(ElementwiseProblem):
     """A problem whose rows take their time one by one, and are counted in a file."""
 
-    def __init__(self, counted: Path) -> None:
+    def __init__(self, counted: Path, seconds: float = 0.06) -> None:
         super().__init__(n_var=3, n_obj=2, xl=0.0, xu=1.0)
-        self.counted = counted
+        self.counted, self.seconds = counted, seconds
 
     def _evaluate(self, x, out):
-        time.sleep(0.06)
+        time.sleep(self.seconds)
         with self.counted.open("a") as sink:
             sink.write("x")
         out["F"] = [x[0], (1 - x[0]) ** 2 + x[1] + x[2]]
+
+
+class Hanging(ElementwiseProblem):
+    """A problem one of whose first rows, that of the largest gene, does not end."""
+
+    def __init__(self) -> None:
+        super().__init__(n_var=2, n_obj=2, xl=0.0, xu=1.0)
+        self.worst = pk.Search(self, population=10, seed=1).ask().X[:, 0].max()
+
+    def _evaluate(self, x, out):
+        if x[0] == self.worst:
+            self.fail()
+        out["F"] = [x[0], (1 - x[0]) ** 2 + x[1]]
+
+    def fail(self) -> None:
+        while True:
+            pass
+
+
+class Deadly(Hanging):
+    """A problem one of whose first rows ends the process."""
+
+    def fail(self) -> None:
+        os.kill(os.getpid(), signal.SIGSEGV)
 
 
 PROBLEMS = {

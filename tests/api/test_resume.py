@@ -128,7 +128,7 @@ def test_another_problem_is_refused_and_the_run_stays(copy):
 
 
 def test_other_versions_of_libraries_are_refused_by_name(copy, monkeypatch):
-    monkeypatch.setattr("paretoik.api.run_session.version", lambda name: "0.0.1")
+    monkeypatch.setattr("paretoik.execution.machine.version", lambda name: "0.0.1")
     with pytest.raises(InvalidInput, match=r"wanted paretoik \S+, as the run has it, got 0\.0\.1"):
         pk.resume(copy, tracking())
 

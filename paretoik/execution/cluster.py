@@ -1,0 +1,256 @@
+"""Workers of a Dask cluster: tasks are sent to its scheduler, and whoever dies or falls silent on the way is noticed.
+
+The client decides everything: which items make a task, what is tried again, and when it is given up.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import time
+import uuid
+import warnings
+from collections import deque
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from queue import Empty, SimpleQueue
+from typing import Any
+
+from paretoik.distribution import Function, Lost, Reply
+from paretoik.errors import InvalidInput, SolverFailed
+from paretoik.execution.cluster_task import Computed, Refused, Task, itself, run_task
+from paretoik.execution.machine import processor, software
+from paretoik.execution.shipping import pickled
+from paretoik.stop_flag import STOP, Interrupted
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClusterOptions:
+    """How tasks are made, and how long a silence is waited for [s].
+
+    A task has items for so many seconds (``portion``), but no more than an even share of those that are left,
+    ``shares`` of them a thread; ``ahead`` tasks a thread are with the scheduler. A signal is looked for every
+    ``interval``, the workers every ``watch``. The scheduler has ``connection`` to answer, ``patience`` to come back,
+    and to have a worker; a worker that was not heard of for ``frozen`` is left out.
+    """
+
+    portion: float = 0.5
+    shares: int = 2
+    ahead: int = 2
+    interval: float = 0.1
+    watch: float = 2.0
+    connection: float = 5.0
+    patience: float = 60.0
+    frozen: float = 30.0
+
+
+OPTIONS = ClusterOptions()
+GONE = ("cancelled", "lost")  # a future that its scheduler knows no more
+
+
+class Cluster:
+    """The workers of a Dask scheduler at an ``address``.
+
+    Raises InvalidInput where Dask is not installed or no scheduler answers.
+    """
+
+    def __init__(self, address: str, options: ClusterOptions = OPTIONS) -> None:
+        try:
+            from distributed import Client
+        except ImportError as error:
+            raise InvalidInput('cluster: Dask wanted (pip install "paretoik[cluster]"), got none') from error
+        self.address, self.options = address, options
+        try:
+            self.client = Client(address, timeout=options.connection, set_as_default=False, name="paretoik")
+        except (OSError, ValueError) as error:
+            fact = " ".join(str(error).split()) or type(error).__name__
+            raise InvalidInput(f"cluster: a Dask scheduler at {address} wanted, got {fact}") from error
+        self.run, self.tasks = uuid.uuid4().hex, 0
+        self.threads = sum(self.client.nthreads().values())
+        self._shared: tuple[Any, bytes, Any] = (
+            None,
+            b"",
+            None,
+        )  # as it is, as bytes, and where it is with the scheduler
+        self._warnings: set[str] = set()
+
+    @property
+    def workers(self) -> int:
+        """Number of items that are computed at a time: at least two, as workers may come yet."""
+        return max(self.threads, 2)
+
+    def close(self) -> None:
+        """Leave the scheduler."""
+        self._shared = None, b"", None
+        with suppress(Exception):  # it may be gone
+            self.client.close(timeout=1.0)
+
+    def replies(
+        self, function: Function, shared: Any, items: Sequence[Any], *, seconds: float | None = None
+    ) -> Iterator[tuple[int, Reply]]:
+        """Yield the place of every item with its reply, as they come; one that takes more ``seconds`` is lost.
+
+        Raises Interrupted soon after a signal; InvalidInput where workers have other versions; SolverFailed where no
+        scheduler or no worker is left.
+        """
+        if not items:
+            return
+        if self._shared[0] is not shared or not self._shared[1]:
+            self._shared = shared, pickled("a problem", shared), None
+        yield from _Round(self, pickled("a function", function), items, seconds).replies()
+
+    def shared(self) -> Any:
+        """Return the shared object as the scheduler has it; one that came back has it anew."""
+        shared, content, future = self._shared
+        if future is None or future.status in GONE:
+            key = f"paretoik-shared-{hashlib.sha256(content).hexdigest()}"
+            future = self.client.submit(itself, content, key=key)
+            self._shared = shared, content, future
+        return future
+
+    def tell(self, text: str) -> None:
+        """Warn of something, once."""
+        if text not in self._warnings:
+            self._warnings.add(text)
+            warnings.warn(f"cluster: {text}", RuntimeWarning, stacklevel=2)
+
+
+class _Round:
+    """The items of one call, on their way through the cluster."""
+
+    def __init__(self, cluster: Cluster, function: bytes, items: Sequence[Any], seconds: float | None) -> None:
+        self.cluster, self.options, self.watch = cluster, cluster.options, _Watch(cluster)
+        self.function, self.items, self.seconds = function, items, seconds
+        self.pending = deque(range(len(items)))
+        self.suspects = deque[int]()  # with whom workers ended: each is tried again with nobody else about
+        self.running = dict[Any, list[int]]()
+        self.ended: SimpleQueue[Any] = SimpleQueue()
+        self.answered, self.computed = 0, 0.0
+
+    def replies(self) -> Iterator[tuple[int, Reply]]:
+        while self.answered < len(self.items):
+            if STOP[0]:
+                raise Interrupted  # futures that nobody holds are given up by the scheduler
+            self._submit()
+            with suppress(Empty):
+                yield from self._received(self.ended.get(timeout=self.options.interval))
+            self.watch.look()
+
+    def _submit(self) -> None:
+        """Send tasks as far ahead as they go; those with whom workers ended one by one, when all others are done."""
+        if self.cluster.client.status != "running":  # the scheduler is waited for
+            return
+        while self.pending and len(self.running) < self.options.ahead * self.cluster.workers:
+            portion = int(self.options.portion * self.answered / self.computed) if self.computed else 1
+            share = len(self.pending) // (self.options.shares * self.cluster.workers)
+            self._send([self.pending.popleft() for _ in range(max(1, min(portion, share)))])
+        if self.suspects and not self.running:
+            self._send([self.suspects.popleft()])
+
+    def _send(self, places: list[int]) -> None:
+        items = pickled("an item", [(place, self.items[place]) for place in places])
+        shared = self.cluster.shared()
+        task = Task(self.function, items, shared.key, self.seconds, software())
+        self.cluster.tasks += 1
+        key = f"paretoik-{self.cluster.run}-{self.cluster.tasks}"
+        future = self.cluster.client.submit(run_task, shared, task, key=key)
+        self.running[future] = places
+        future.add_done_callback(self.ended.put)
+
+    def _received(self, future: Any) -> Iterator[tuple[int, Reply]]:
+        """Yield what a task that ended has brought; let others do what it had where it brought nothing."""
+        try:
+            result = future.result(timeout=5 * self.options.interval)
+        except Exception as error:
+            yield from self._failed(future, error)
+            return
+        del self.running[future]
+        if isinstance(result, Refused):
+            raise InvalidInput(f"cluster: workers with what this process has, {result.reason}")
+        self._check(result)
+        for place, reply in result.replies:
+            self.answered += 1
+            self.computed += getattr(reply, "seconds", 0.0)
+            yield place, reply
+
+    def _failed(self, future: Any, error: Exception) -> Iterator[tuple[int, Reply]]:
+        from distributed import KilledWorker
+
+        if isinstance(error, TimeoutError):  # whoever had the result is gone, and it is computed again
+            self.ended.put(future)
+            return
+        alone, places = len(self.running) == 1, self.running.pop(future)
+        if future.status in GONE:  # with its scheduler
+            self.pending.extendleft(reversed(places))
+        elif not isinstance(error, KilledWorker):
+            fact = f"{type(error).__name__}: {' '.join(str(error).split())}"
+            raise InvalidInput(f"cluster: workers that can read what they are sent wanted, got {fact}")
+        elif alone and len(places) == 1:
+            self.answered += 1
+            yield places[0], Lost(cause=f"{error.allowed_failures + 1} workers ended on it")
+        else:
+            self.suspects.extend(places)
+
+    def _check(self, result: Computed) -> None:
+        if result.processor != processor():
+            self.cluster.tell("workers have another make of processor: the run is reproducible to rounding alone")
+
+
+class _Watch:
+    """Looks after scheduler and workers: says what is missing, waits for it for a while, and then gives up."""
+
+    def __init__(self, cluster: Cluster) -> None:
+        self.cluster, self.options = cluster, cluster.options
+        self.looked = time.monotonic()
+        self.missing: float | None = None  # since when
+
+    def look(self) -> None:
+        """Look, if the last time was some time ago; raises SolverFailed where nobody comes back."""
+        now = time.monotonic()
+        if now - self.looked < self.options.watch:
+            return
+        seen = self._workers()
+        self.looked = time.monotonic()
+        if seen is None:
+            self._miss("scheduler", now)
+        elif not seen:
+            self._miss("worker", now)
+        else:
+            self.missing, self.cluster.threads = None, sum(threads for threads, _ in seen.values())
+        for address, (_, silent) in (seen or {}).items():
+            if silent > self.options.frozen:
+                self.cluster.tell(f"the worker at {address} was silent for {self.options.frozen:g} s and is left out")
+                self._leave_out(address)
+
+    def _miss(self, what: str, now: float) -> None:
+        options, address = self.options, self.cluster.address
+        self.missing = now if self.missing is None else self.missing
+        if now - self.missing > options.patience:
+            raise SolverFailed(f"cluster: no {what} at {address} for {options.patience:g} s; a run goes on with resume")
+        self.cluster.tell(f"no {what} at {address}; one is waited for, {options.patience:g} s at most")
+
+    def _workers(self) -> dict[str, tuple[int, float]] | None:
+        """Return the threads of every worker, and for how long it was silent [s]; None where no scheduler answers."""
+
+        def seen(dask_scheduler: Any) -> dict[str, tuple[int, float]]:  # sent as it is: nothing of ours is needed there
+            import time
+
+            workers = dask_scheduler.workers.items()
+            return {address: (each.nthreads, time.time() - each.last_seen) for address, each in workers}
+
+        return self._ask(seen)
+
+    def _leave_out(self, address: str) -> None:
+        async def leave_out(dask_scheduler: Any) -> None:
+            await dask_scheduler.remove_worker(address=address, close=False, stimulus_id="paretoik-frozen")
+
+        self._ask(leave_out)
+
+    def _ask(self, function: Any) -> Any:
+        client = self.cluster.client
+        if client.status != "running":
+            return None
+        try:
+            return client.sync(client._run_on_scheduler, function, callback_timeout=1.0)
+        except Exception:  # whatever a broken connection raises
+            return None

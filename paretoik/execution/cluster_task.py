@@ -1,0 +1,75 @@
+"""What a worker of a Dask cluster does with a task: it computes a function of some items."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import cloudpickle
+
+from paretoik.distribution import Reply, become_worker
+from paretoik.execution.machine import difference, processor, software
+from paretoik.execution.worker import compute
+from paretoik.execution.worker_processes import WorkerProcesses
+
+
+class Task(NamedTuple):
+    """A function with its items, by place, as bytes; the key of the shared object; seconds that an item may take."""
+
+    function: bytes
+    items: bytes
+    key: str
+    seconds: float | None
+    software: Mapping[str, str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Computed:
+    """The replies to items by place, and the make of the processor that they come from."""
+
+    replies: Sequence[tuple[int, Reply]]
+    processor: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Refused:
+    """Why a worker does not compute: it has other versions."""
+
+    reason: str
+
+
+class _Local(threading.local):
+    """The object that tasks of a thread share, with its key, and the process that may be ended, if one is needed."""
+
+    key: str | None = None
+    shared: Any = None
+    process: WorkerProcesses | None = None
+
+
+_LOCAL = _Local()
+
+
+def itself(shared: bytes) -> bytes:
+    """Return the shared object as it came: as a task of its own it is sent again to workers that replace others."""
+    return shared
+
+
+def run_task(shared: bytes, task: Task) -> Computed | Refused:
+    """Return the replies to the items of a task."""
+    reason = difference(task.software, software())
+    if reason:
+        return Refused(reason=reason)
+    become_worker()
+    if _LOCAL.key != task.key:
+        _LOCAL.shared, _LOCAL.key = cloudpickle.loads(shared), task.key
+    function, items = cloudpickle.loads(task.function), cloudpickle.loads(task.items)
+    if task.seconds is None:
+        replies = [(place, compute(function, _LOCAL.shared, item)) for place, item in items]
+        return Computed(replies=replies, processor=processor())
+    if _LOCAL.process is None:
+        _LOCAL.process = WorkerProcesses(1)
+    places = [place for place, _ in items]
+    answers = _LOCAL.process.replies(function, _LOCAL.shared, [item for _, item in items], seconds=task.seconds)
+    return Computed(replies=[(places[i], reply) for i, reply in answers], processor=processor())

@@ -1,0 +1,53 @@
+"""What goes to workers, as bytes: objects of libraries by name, what users wrote by its content."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import ModuleType
+from typing import Any
+
+import cloudpickle
+
+from paretoik.errors import InvalidInput
+from paretoik.fingerprint.libraries import is_library_module
+
+
+def pickled(what: str, value: Any) -> bytes:
+    """Return a value as bytes that a process elsewhere can load, which need not have the user's files.
+
+    Raises InvalidInput, naming ``what`` it is, where it cannot be sent.
+    """
+    try:
+        with _users_modules_by_value():
+            return bytes(cloudpickle.dumps(value))
+    except Exception as error:  # what users wrote may raise anything
+        fact = f"{type(error).__name__}: {' '.join(str(error).split())}"
+        raise InvalidInput(f"workers: {what} that can be sent to another process wanted, got {fact}") from error
+
+
+@contextmanager
+def _users_modules_by_value() -> Iterator[None]:
+    before = cloudpickle.list_registry_pickle_by_value()
+    added = [module for module in _users_modules() if module.__name__ not in before]
+    for module in added:
+        cloudpickle.register_pickle_by_value(module)
+    try:
+        yield
+    finally:
+        for module in added:
+            cloudpickle.unregister_pickle_by_value(module)
+
+
+def _users_modules() -> list[ModuleType]:
+    """Return the modules that are no library's; of those that were there the last time it is known."""
+    modules = sys.modules.copy()
+    for name in modules.keys() - _KNOWN.keys():
+        module = modules[name]
+        named = isinstance(module, ModuleType) and getattr(module, "__name__", None) == name
+        _KNOWN[name] = named and not is_library_module(module)
+    return [modules[name] for name, is_users in _KNOWN.items() if is_users and name in modules]
+
+
+_KNOWN: dict[str, bool] = {}  # whether a module is a user's, by name

@@ -1,0 +1,149 @@
+"""Workers on this machine compute what they are given, whatever happens to them."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from paretoik.distribution import Done, Lost, Raised
+from paretoik.errors import InvalidInput
+from paretoik.execution.worker_processes import WorkerProcesses
+from paretoik.stop_flag import STOP, Interrupted
+from tests.execution import work
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def workers():
+    with closing(WorkerProcesses(2)) as opened:
+        yield opened
+
+
+def values(replies) -> dict[int, object]:
+    return {place: reply.value for place, reply in replies}
+
+
+def is_alive(process: int) -> bool:
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+def wait_until(condition, seconds: float) -> bool:
+    end = time.monotonic() + seconds
+    while not condition() and time.monotonic() < end:
+        time.sleep(0.02)
+    return bool(condition())
+
+
+def test_every_item_has_its_reply_whichever_worker_it_comes_from(workers):
+    assert values(workers.replies(work.scaled, 0.1, range(40))) == {i: 0.1 * i for i in range(40)}
+    assert len(set(values(workers.replies(work.process, None, range(20))).values())) == 2
+
+
+def test_no_items_need_no_workers():
+    with closing(WorkerProcesses(2)) as idle:
+        assert list(idle.replies(work.scaled, 1.0, [])) == []
+        assert idle._processes == []
+
+
+def test_what_is_shared_goes_to_every_worker_once(workers):
+    shared = list(range(1000))
+    seen = [values(workers.replies(work.shared_identity, shared, range(20))) for _ in range(2)]
+    assert len({pair for each in seen for pair in each.values()}) <= 2
+
+
+def test_what_a_function_raises_comes_back_and_the_others_go_on(workers):
+    replies = dict(workers.replies(work.refuse, None, range(6)))
+    assert [type(replies[i]) for i in range(6)] == [Done, Raised] * 3
+    assert str(replies[3].error) == "item 3"
+
+
+def test_a_result_that_cannot_be_sent_is_an_error_not_a_wait(workers):
+    ((_, reply),) = workers.replies(work.unpicklable, None, [0])
+    assert isinstance(reply.error, InvalidInput)
+
+
+def test_what_cannot_be_sent_is_refused_by_name(workers):
+    with pytest.raises(InvalidInput, match="a problem that can be sent to another process wanted, got TypeError"):
+        list(workers.replies(work.scaled, threading.Lock(), [1.0]))
+
+
+@pytest.mark.parametrize("count", [0, -1, 1.5, "2", True])
+def test_what_is_no_number_of_workers_is_refused(count, unchecked):
+    with pytest.raises(InvalidInput, match="workers: an integer of at least 1 wanted"):
+        WorkerProcesses(count)
+
+
+def test_what_a_killed_worker_had_is_computed_by_another(workers, tmp_path):
+    assert values(workers.replies(work.die_once, str(tmp_path), range(12))) == {i: i * i for i in range(12)}
+    assert (tmp_path / "died-3").exists()
+
+
+def test_an_item_that_ends_four_workers_is_lost_with_its_cause_and_no_other_is(workers, tmp_path):
+    replies = dict(workers.replies(work.die_always, str(tmp_path), range(8)))
+    assert replies.pop(3) == Lost(cause="4 workers ended on it, the last by signal 9")
+    assert {i: reply.value for i, reply in replies.items()} == {i: i * i for i in range(8) if i != 3}
+    assert (tmp_path / "deaths").read_text() == "xxxx"
+
+
+@pytest.mark.parametrize("function", [work.loop_for_ever, work.hold_the_lock])
+def test_an_item_that_takes_too_long_is_ended_and_lost(workers, function):
+    list(workers.replies(function, None, [0, 2, 4]))  # no worker is new
+    begin = time.monotonic()
+    replies = dict(workers.replies(function, None, range(5), seconds=0.5))
+    assert replies.pop(1) == Lost(cause="it took more than 0.5 s")
+    assert {i: reply.value for i, reply in replies.items()} == {0: 0, 2: 2, 3: 3, 4: 4}
+    assert time.monotonic() - begin < 20.0
+
+
+def test_a_signal_ends_what_workers_compute_within_a_second(workers):
+    def stop() -> None:
+        stopped.append(time.monotonic())
+        STOP[0] = signal.SIGTERM
+
+    stopped: list[float] = []
+    timer = threading.Timer(1.0, stop)
+    timer.start()
+    try:
+        with pytest.raises(Interrupted):
+            list(workers.replies(work.hold_the_lock, None, [1, 1]))
+        assert time.monotonic() - stopped[0] < 1.0
+    finally:
+        timer.join()
+        STOP[0] = 0
+    assert values(workers.replies(work.scaled, 2.0, [1.0])) == {0: 2.0}
+
+
+def test_workers_end_when_they_are_closed():
+    with closing(WorkerProcesses(2)) as ended:
+        processes = set(values(ended.replies(work.process, None, range(20))).values())
+    assert processes
+    assert not any(map(is_alive, processes))
+
+
+def test_workers_end_with_a_process_that_is_killed_even_in_code_that_holds_the_lock(tmp_path):
+    client = subprocess.Popen([sys.executable, "-m", "tests.execution.work", str(tmp_path)], cwd=ROOT)
+    try:
+        assert wait_until(lambda: len(list(tmp_path.iterdir())) == 2, 60.0)
+        processes = [int(entry.name) for entry in tmp_path.iterdir()]
+        assert all(map(is_alive, processes))
+    finally:
+        os.kill(client.pid, signal.SIGKILL)
+        client.wait()
+    assert wait_until(lambda: not any(map(is_alive, processes)), 1.0)
+
+
+def test_workers_have_one_thread_each_and_ignore_an_interruption_from_the_keyboard(workers):
+    facts = values(workers.replies(work.surroundings, None, [0]))[0]
+    assert facts == {"OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1", "threads": 1, "ignores": True}
