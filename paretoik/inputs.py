@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 else:
     ArrayLike = object  # arguments are checked by value here, and refused with our own errors
 
-LARGEST_ANGLE = 4 * np.pi  # [rad] two turns: no joint of a robot on sale turns further, 90° taken for radians does
-
 
 @dataclass(frozen=True, kw_only=True)
 class InputOptions:
@@ -37,7 +35,9 @@ class InputOptions:
 
     A count is at most ``largest_count``: more of anything does not fit any memory; a seed at most ``largest_seed``, as
     large as NumPy draws them itself. A value is shown by at most so many characters (``shown``), a list by at most so
-    many ``items``. File systems take names of at most so many bytes (``longest_name``).
+    many ``items``. File systems take names of at most so many bytes (``longest_name``). Angles of more than
+    ``turned`` [rad], two turns, are probably degrees: no joint of a robot on sale turns further; of more than
+    ``largest_angle`` [rad] numbers no longer tell them apart to 1e-9 rad.
     """
 
     largest_count: int = 2**31 - 1
@@ -45,6 +45,8 @@ class InputOptions:
     shown: int = 80
     items: int = 12
     longest_name: int = 255
+    turned: float = 4 * np.pi
+    largest_angle: float = 1e6
 
 
 OPTIONS = InputOptions()
@@ -159,7 +161,7 @@ def _check_integer(name: str, value: object, minimum: int, maximum: int) -> None
 
 def likely_spelling(name: object, names: Iterable[str]) -> str:
     """Return a question for the one of ``names`` that is spelt much like ``name``; "" where none is."""
-    near = get_close_matches(str(name), list(names), n=1)
+    near = get_close_matches(name, list(names), n=1) if isinstance(name, str) else []
     return f"; did you mean {near[0]!r}?" if near else ""
 
 
@@ -167,13 +169,16 @@ def degrees_hint(angles: ArrayLike) -> str:
     """Return that radians are wanted, where the largest of ``angles`` [rad] is more than two turns; else ""."""
     sizes = np.abs(np.asarray(angles, dtype=float))
     largest = float(np.max(sizes[np.isfinite(sizes)], initial=0.0))
-    if largest <= LARGEST_ANGLE:
+    if largest <= OPTIONS.turned:
         return ""
     return f"{largest:g} rad is {largest / (2 * np.pi):.3g} turns; of degrees, np.deg2rad makes radians"
 
 
-def warn_of_degrees(name: str, angles: ArrayLike) -> None:
-    """Warn, by ``name``, of angles [rad] so large that they are probably degrees."""
+def check_angles(name: str, angles: ArrayLike) -> None:
+    """Warn, by ``name``, of angles [rad] that are probably degrees; raise InvalidInput for those too large for any."""
+    largest = float(np.abs(np.asarray(angles, dtype=float)).max(initial=0.0))
+    if largest > OPTIONS.largest_angle:
+        raise InvalidInput(f"{name}: angles of at most {OPTIONS.largest_angle:g} rad wanted, got {largest:g}")
     if hint := degrees_hint(angles):
         warnings.warn(f"{name}: {hint}", RuntimeWarning, stacklevel=3)
 

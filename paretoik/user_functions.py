@@ -51,7 +51,9 @@ def warn_of_odd_objectives(names: Sequence[str], values: Objectives, again: Obje
             text = f"one value for one argument wanted, got {first[differ][0]:.6g} and then {repeated[differ][0]:.6g}"
             text += ": what is found by it is a matter of chance"
         elif len(finite) > 1 and np.ptp(finite) == 0:
-            text = f"different values wanted, got {finite[0]:.6g} for each of {len(finite)}: nothing depends on it"
+            text = (
+                f"different values wanted, got {finite[0]:.6g} for each of the first {len(finite)}: it may be constant"
+            )
         else:
             continue
         warnings.warn(f"objective {name}: {text}", RuntimeWarning, stacklevel=2)

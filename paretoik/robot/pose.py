@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.errors import InvalidInput
-from paretoik.inputs import ArrayLike, finite_array, finite_number, shown, warn_of_degrees
+from paretoik.inputs import ArrayLike, check_angles, finite_array, finite_number, shown
 
 UNIT_TOLERANCE = 1e-6  # a quaternion or a rotation matrix this near to orthonormal is normalised
 
@@ -71,7 +71,7 @@ class Pose:
     def from_rpy(cls, position: ArrayLike, rpy: ArrayLike) -> Pose:
         """Pose from roll, pitch and yaw [rad] about the fixed axes x, y, z in this order, as URDF writes it."""
         roll, pitch, yaw = finite_array("pose rpy", rpy, shape=(3,)) / 2
-        warn_of_degrees("pose rpy", rpy)
+        check_angles("pose rpy", rpy)
         about_x = np.array([np.cos(roll), np.sin(roll), 0.0, 0.0])
         about_y = np.array([np.cos(pitch), 0.0, np.sin(pitch), 0.0])
         about_z = np.array([np.cos(yaw), 0.0, 0.0, np.sin(yaw)])
@@ -81,7 +81,7 @@ class Pose:
     def planar(cls, x: float, y: float, angle: float = 0.0) -> Pose:
         """Pose in the xy-plane: position (x, y) [m], rotated by ``angle`` [rad] about +z."""
         half = finite_number("pose angle", angle) / 2
-        warn_of_degrees("pose angle", angle)
+        check_angles("pose angle", angle)
         position = (finite_number("pose x", x), finite_number("pose y", y), 0.0)
         return cls(position, (np.cos(half), 0.0, 0.0, np.sin(half)))
 

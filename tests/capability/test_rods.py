@@ -58,7 +58,7 @@ GEOMETRY = {
 @pytest.mark.parametrize(
     ("name", "value", "wish"),
     [
-        ("rod", 0.0, "a rod longer than 0"),
+        ("rod", 0.0, r"a rod longer than 0 and of at most \S+ m"),
         ("bend", 0.5, "bend 1 or −1"),
         ("least_angle", np.pi, "a least angle between 0 and π"),
         ("front_bounds", [0.05, 0.04], "front bounds 0 < lower ≤ upper"),

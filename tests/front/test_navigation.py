@@ -58,7 +58,7 @@ def front(**parts):
         ({"improve": "time"}, "names among energy, torque, travel, got 'time'"),
         ({"allow": "time"}, "allow: wanted names among"),
         ({"hold": ("torque", "tim")}, "hold: wanted names among"),
-        ({"allow": "energy"}, "other than energy, which is to improve"),
+        ({"allow": "energy"}, "other than what is to improve, got energy"),
         ({"hold": ("torque", "travel")}, "not on hold, got none"),
         ({"allow": "torque", "hold": "torque"}, "not on hold, got torque"),
         ({"by": 0.0}, "by: wants more than 0 J of energy, got 0"),

@@ -44,11 +44,11 @@ def test_a_start_on_the_path_is_taken_as_it_is():
         ({"objectives": []}, "objectives: wants at least one, got none"),
         (
             {"objectives": kinetic_energy},
-            "objectives: a list of functions decorated with @objective wanted, got Objective kinetic_energy",
+            "objectives: a list of functions decorated with @objective, or the library's, such as pk.kinetic_energy wanted",
         ),
         (
             {"objectives": [len]},
-            "objectives: a list of functions decorated with @objective wanted, got <built-in function len> at index 0",
+            "such as pk.kinetic_energy wanted, got <built-in function len> at index 0",
         ),
         (
             {"objectives": [kinetic_energy, joint_travel, UNNAMED]},
@@ -80,7 +80,7 @@ def test_what_is_no_problem_is_refused_in_one_line(changed, words, unchecked):
 def test_a_start_off_the_path_is_refused_with_its_distance(off):
     path = from_posture()
     shifted = line(path.positions[0] + [0.0, off], path.positions[-1] + [0.0, off], duration=1.0, samples=21)
-    with pytest.raises(InvalidInput, match=f"start must be at most .*, got {off:.3g}$"):
+    with pytest.raises(InvalidInput, match=f"start must be at most .*, got {off:.3g} m$"):
         task(path=shifted, start=POSTURE)
 
 

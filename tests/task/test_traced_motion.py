@@ -11,7 +11,7 @@ import paretoik as pk
 from paretoik.autodiff.differentiation import gradient
 from paretoik.autodiff.evaluator import compile_evaluator
 from paretoik.autodiff.tape import as_entry
-from paretoik.errors import InvalidInput
+from paretoik.errors import EvaluationFailed, InvalidInput
 from paretoik.self_motion.motion_starts import rollout_starts
 from paretoik.task.traced_motion import trace_sample, trace_sample_function
 from problems import panda, tringali_2020
@@ -225,7 +225,7 @@ def test_what_a_function_raises_itself_is_not_hidden():
     def broken(motion):
         raise KeyError("mine")
 
-    with pytest.raises(KeyError, match="mine"):
+    with pytest.raises(EvaluationFailed, match="objective broken raised KeyError: 'mine'"):
         trace_sample_function(trace_sample(TASKS["planar, central"]), "objective broken", broken)
 
 
