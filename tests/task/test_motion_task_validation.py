@@ -44,7 +44,7 @@ def test_a_start_on_the_path_is_taken_as_it_is():
         ({"objectives": []}, "objectives: wants at least one, got none"),
         (
             {"objectives": kinetic_energy},
-            "objectives: a list of functions decorated with @objective, or the library's, such as pk.kinetic_energy wanted",
+            "or the library's, such as pk.kinetic_energy wanted, got Objective kinetic_energy",
         ),
         (
             {"objectives": [len]},
