@@ -113,6 +113,7 @@ def test_after_a_signal_no_solver_takes_another_step(kind, stop):
 def test_a_signal_ends_the_iterations_under_way_and_what_they_came_to_is_kept(stop):
     program = motion()
     x, weights = np.repeat(starts(program), 4000, axis=0), np.ones((1, len(program.upper)))
+    minimise(program, x[:1], weights)  # compiles, which is no iteration
     timer = threading.Timer(0.2, stop.__setitem__, (0, int(signal.SIGINT)))
     timer.start()
     begin = time.monotonic()
