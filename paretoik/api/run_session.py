@@ -116,7 +116,7 @@ class RunSession(VerbSession):
         """Save the front found before an error, which has it as its ``partial`` and says in a note where it is."""
         error.partial = front  # type: ignore[attr-defined]
         place = "the error's .partial"
-        with suppress(OSError):  # a full disk
+        with suppress(OSError, InvalidInput):  # a full disk
             self.save_draft(front)
             place = place if self.folder is None else str(self.folder)
         error.add_note(f"the front found by then, of {len(front)} points, is in {place}")

@@ -106,7 +106,9 @@ def _most_promising(task: MotionTask, q: JointPaths, limit: int) -> Float[np.nda
     if not len(q):
         return q
     F, limits, _ = evaluate_motions(task, task.motion(q))
-    merit = np.sum(F.T / np.maximum(np.nanmean(np.abs(F.T), axis=1, keepdims=True), 1e-300), axis=0)
+    finite = np.isfinite(F.T)
+    usual = np.where(finite, np.abs(F.T), 0.0).sum(axis=1) / np.maximum(finite.sum(axis=1), 1)
+    merit = np.sum(F.T / np.maximum(usual, 1e-300)[:, None], axis=0)  # NaN, and so last, where a function fails
     violation = np.maximum(limits, 0).sum(axis=1)
     order = np.lexsort((merit, np.round(violation, 2)))
     branch = np.array(branch_labels(task.motion(q[order])))
