@@ -125,6 +125,9 @@ def solve(
         Where nothing satisfied the limits: with the least-violating motion and the limit that binds.
     EvaluationFailed
         Where every evaluation failed, with the first cause.
+
+    An error that comes after the first generation, of an objective or of ``observe``, has the front found by then as
+    its ``partial``; with ``out`` it is in the folder, too.
     """
     check_flag("overwrite", overwrite)
     settings = SolveSettings(

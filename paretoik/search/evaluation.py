@@ -24,8 +24,8 @@ def evaluate_rows(problem: Any, evaluate: Evaluate, X: Genes) -> Outcome:
         with user_function("the problem"):
             return Outcome.of(problem, evaluate(X.copy()), len(X))
     except EvaluationFailed as failure:
-        if len(X) == 1:
-            return replace(Outcome.of(problem, {}, 1), causes={0: str(failure)})
+        if len(X) <= 1:
+            return replace(Outcome.of(problem, {}, len(X)), causes=dict.fromkeys(range(len(X)), str(failure)))
     return joined([(np.array([row]), evaluate_rows(problem, evaluate, X[row : row + 1])) for row in range(len(X))])[1]
 
 

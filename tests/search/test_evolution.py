@@ -212,3 +212,11 @@ def test_equality_constraints_count():
 def test_a_run_without_an_ending_is_refused():
     with pytest.raises(InvalidInput, match="endings: at least one wanted"):
         evolve(search(), [])
+
+
+def test_no_rows_have_no_outcome_though_the_problem_raises():
+    def fail(genes):
+        raise ValueError("an individual at least")
+
+    outcome = evaluate_rows(Parabolas(), fail, np.empty((0, 3)))
+    assert (outcome.F.shape, outcome.causes) == ((0, 2), {})
