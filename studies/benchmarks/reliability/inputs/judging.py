@@ -145,7 +145,8 @@ def _is_named(case: Case, message: str) -> bool:
         names.add(case.surface.name.rpartition(".")[2])
     names.update(PARTS.get(f"{case.surface.name}({argument.name})", ()))
     value = case.bad.fault.make(Path.cwd())
-    if "path" in argument.kinds and ("/" in message or " ".join(str(value).split()) in message):
+    is_told = "/" in message or (isinstance(value, str) and " ".join(value.split()) in message)
+    if "path" in argument.kinds and is_told:
         return True  # a file is called by its path
     return any(re.search(rf"\b{re.escape(name)}\b", message, re.IGNORECASE) for name in names)
 
