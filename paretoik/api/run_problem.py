@@ -63,8 +63,8 @@ def _fault(reference: str, run: Path, project: Path) -> str:
     file = Path(place).resolve()
     if not _is_project(project) or not file.is_relative_to(project):
         return f"a file that is not below a project's folder: this is {project}"
-    beside = project / file.relative_to(project).parts[0]
-    if file.is_relative_to(run) or (beside.is_dir() and run.is_relative_to(beside)):
+    parent = project / file.relative_to(project).parts[0]
+    if file.is_relative_to(run) or (parent.is_dir() and run.is_relative_to(parent)):
         return "a file that lies beside the run"
     return ""
 

@@ -209,8 +209,8 @@ class DirectionalMaxima(DenseFormulation):
         if self.power:
             costs[count, program.slices["power"]] = 1.0
         return WholeProgram(
-            given=program.program(self.position, self.directions, self.sizes),
-            given_costs=costs,
+            base=program.program(self.position, self.directions, self.sizes),
+            base_costs=costs,
             task=self.functions,
             near=self._motions(self.bases),
             lanes=program.posture_lanes(len(self.functions.times)),

@@ -55,13 +55,13 @@ def read_times(task: MotionTask, motions: Motion) -> bool:
 class WholeProgram:
     """The rows and costs of a formulation with users' functions of a ``task`` among them.
 
-    ``given`` and ``given_costs`` are without them; ``lanes`` says how their motions follow from its unknowns, ``near``
+    ``base`` and ``base_costs`` are without them; ``lanes`` says how their motions follow from its unknowns, ``near``
     are some of these motions. They have times of their own where there are ``intervals``, unknowns in units of ``pace``
     [s].
     """
 
-    given: AssembledRows
-    given_costs: Float[np.ndarray, "given unknowns"]
+    base: AssembledRows
+    base_costs: Float[np.ndarray, "objectives unknowns"]
     task: MotionTask
     near: Motion
     lanes: LanesOf
@@ -79,7 +79,7 @@ class WholeProgram:
         return TermRows(
             terms=tuple(smooth_term(term, task, self.near, own_times=own_times) for term in terms),
             samples=len(task.times),
-            first=self.given.unknowns,
+            first=self.base.unknowns,
             intervals=self.intervals,
             pace=self.pace,
         )
@@ -87,10 +87,10 @@ class WholeProgram:
     @cached_property
     def rows(self) -> AssembledRows:
         """All rows."""
-        return AssembledRows(unknowns=self.own.unknowns, parts=(*self.given.parts, *self.own.parts(self.lanes)))
+        return AssembledRows(unknowns=self.own.unknowns, parts=(*self.base.parts, *self.own.parts(self.lanes)))
 
     @cached_property
     def costs(self) -> Float[np.ndarray, "n_obj unknowns"]:
         """The gradients of all objectives, minimised."""
-        extra = self.own.unknowns - self.given.unknowns
-        return np.concatenate([np.pad(self.given_costs, ((0, 0), (0, extra))), self.own.costs])
+        extra = self.own.unknowns - self.base.unknowns
+        return np.concatenate([np.pad(self.base_costs, ((0, 0), (0, extra))), self.own.costs])

@@ -126,8 +126,12 @@ class PointToPoint(DenseFormulation):
         check_flag("energy", energy)
         if energy:
             require_weight(arm)
-        given, path = 1 + energy, line(*ends, duration=1.0, samples=samples, timing="uniform")
-        self.names, self.units, self.maximised = ("duration", "energy")[:given], ("s", "J")[:given], (False,) * given
+        built_in, path = 1 + energy, line(*ends, duration=1.0, samples=samples, timing="uniform")
+        self.names, self.units, self.maximised = (
+            ("duration", "energy")[:built_in],
+            ("s", "J")[:built_in],
+            (False,) * built_in,
+        )
         self.add_functions(function_task(arm, path, objectives, constraints))
         self.initial_paths: InitialPaths = find_initial_paths(
             arm, actuation, *ends, samples=samples, coefficients=coefficients, bases=bases, seed=seed
@@ -271,8 +275,8 @@ class PointToPoint(DenseFormulation):
     def _whole_program(self) -> WholeProgram:
         program = self._unscaled
         return WholeProgram(
-            given=program.with_longest(OPTIONS.longest_interval) if self.own_times else program.program,
-            given_costs=program.costs[: len(self.names) - len(self.functions.objectives)],
+            base=program.with_longest(OPTIONS.longest_interval) if self.own_times else program.program,
+            base_costs=program.costs[: len(self.names) - len(self.functions.objectives)],
             task=self.functions,
             near=self._base_motions,
             lanes=program.lanes,
@@ -287,8 +291,8 @@ class PointToPoint(DenseFormulation):
             intervals = self._intervals(X, timing)
             joints, sliders = self.initial_paths.range_excess(q, front)
         own, limits, out["cause"] = evaluate_motions(self.functions, self._motions(q, intervals), interruptible=False)
-        given = np.stack([intervals.sum(axis=1), timing.energy], axis=1)[:, : len(self.names) - own.shape[1]]
-        F = np.concatenate([given, own], axis=1)
+        built_in = np.stack([intervals.sum(axis=1), timing.energy], axis=1)[:, : len(self.names) - own.shape[1]]
+        F = np.concatenate([built_in, own], axis=1)
         excess = np.column_stack([joints, timing.overload, sliders, limits]) - LIMIT_TOLERANCE
         G = np.column_stack([error / ON_PATH_TOLERANCE - 1.0, excess])
         invalid = ~np.isfinite(F).all(axis=1)

@@ -241,9 +241,9 @@ def _step(front: Front, verb: str, row: int, axis: int, by: float | None, to: fl
 
 def _check_gain(front: Front, axis: int, label: str, gain: float) -> None:
     """Raise InvalidInput for a gain that is out of all proportion to the range of an objective."""
-    most = DEFAULTS.largest_gain * float(np.ptp(front.ranges[axis]))
-    if gain > most > 0.0:
-        raise InvalidInput(f"{label}: wants a gain of at most {front.quantity(axis, most)}, got {gain:g}")
+    largest = DEFAULTS.largest_gain * float(np.ptp(front.ranges[axis]))
+    if gain > largest > 0.0:
+        raise InvalidInput(f"{label}: wants a gain of at most {front.quantity(axis, largest)}, got {gain:g}")
 
 
 def _check_not_at_end(front: Front, row: int, axis: int, payers: Sequence[int]) -> None:

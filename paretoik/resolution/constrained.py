@@ -126,8 +126,8 @@ class _Stepper:
         nearest = at.distances - dt * self.limits.approach(k, at.distances - self.task.min_clearance, at.gradients)
         scales, moved = row_scales(self.task.arm, self.task.tasks), np.zeros_like(q)
         for _ in range(OPTIONS.max_iterations):
-            least = (nearest - at.distances + at.gradients @ moved) / dt
-            limits = StepLimits(bounds=interval, gradients=at.gradients, least=least)
+            lowest_rates = (nearest - at.distances + at.gradients @ moved) / dt
+            limits = StepLimits(bounds=interval, gradients=at.gradients, lowest_rates=lowest_rates)
             step = limited_step(goal, limits)
             if not self.exact or step.status != DONE:
                 break
@@ -168,7 +168,7 @@ def _rounding(step: LimitedStep) -> float:
 
 def _active(step: LimitedStep, bounds: np.ndarray, limits: StepLimits) -> np.ndarray:
     """Return the limit that each joint is at and whether one of distances is, as indices into ACTIVE."""
-    first, rounding = len(limits.least), _rounding(step)
+    first, rounding = len(limits.lowest_rates), _rounding(step)
     distances, lower, upper = np.split(limits.slack(step.rates), [first, first + len(step.rates)])
     kinds = 1 + 2 * np.abs(bounds - limits.bounds).argmin(axis=0) + [0, 1]
     active = np.where(lower <= rounding, kinds[:, 0], np.where(upper <= rounding, kinds[:, 1], 0))

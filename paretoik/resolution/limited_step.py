@@ -63,12 +63,12 @@ class StepLimits:
 
     bounds: Float[np.ndarray, "dof 2"]
     gradients: Float[np.ndarray, "distances dof"]
-    least: Float[np.ndarray, " distances"]
+    lowest_rates: Float[np.ndarray, " distances"]
 
     def slack(self, rates: Float[np.ndarray, " dof"]) -> Float[np.ndarray, " limits"]:
         """Return what rates leave of every limit: of distances, then lower and upper bounds; negative past it."""
         return np.concatenate(
-            [self.gradients @ rates - self.least, rates - self.bounds[:, 0], self.bounds[:, 1] - rates]
+            [self.gradients @ rates - self.lowest_rates, rates - self.bounds[:, 0], self.bounds[:, 1] - rates]
         )
 
     def keep(self, rates: Float[np.ndarray, " dof"], free: Float[np.ndarray, " dof"]) -> bool:
@@ -142,7 +142,7 @@ def _nearest(free: np.ndarray, N: np.ndarray, root: np.ndarray, P: np.ndarray, l
 
     Where bounds of rates allow for no others, distances shrink as little too fast as they can.
     """
-    values, distances, basis = limits.slack(free), len(limits.least), root[:, None] * N
+    values, distances, basis = limits.slack(free), len(limits.lowest_rates), root[:, None] * N
     G = np.concatenate([limits.gradients @ basis, basis, -basis])
     size = max(float(np.abs(free).max()), float(-values.min()))
     farthest = np.abs(limits.bounds - free[:, None]).max(axis=1) / size

@@ -134,8 +134,8 @@ def planar_bodies(masses: object, centers: object, inertias: object, count: int)
         for name, values in (("masses", masses), ("centers", centers), ("inertias", inertias))
     )
     if masses is not None and (np.any(mass < 0) or np.any(inertia < 0)):
-        least = min(mass.min(), inertia.min())
-        raise InvalidInput(f"planar arm: masses and inertias must not be negative, got {least:g}")
+        lowest = min(mass.min(), inertia.min())
+        raise InvalidInput(f"planar arm: masses and inertias must not be negative, got {lowest:g}")
     return tuple(
         Body(mass=float(m), center=np.array([c, 0.0, 0.0]), inertia=np.diag([0.0, j, j]))
         for m, c, j in zip(mass, center, inertia, strict=True)

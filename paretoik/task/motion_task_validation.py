@@ -48,9 +48,9 @@ def motion_task(
     check_arm("arm", arm)
     check_flag("cyclic", cyclic)
     check_choice("differences", differences, get_args(Differences))
-    given = [_as_task(one) for one in (tasks if isinstance(tasks, list | tuple) else [tasks])]
-    followed = tuple(one.resolve_axes(arm) for one in given)
-    for one in given:
+    every_task = [_as_task(one) for one in (tasks if isinstance(tasks, list | tuple) else [tasks])]
+    followed = tuple(one.resolve_axes(arm) for one in every_task)
+    for one in every_task:
         _check_height(arm, one)
     _check_tasks(arm, followed, redundant)
     _check_objectives_and_limits(objectives, constraints, limits)

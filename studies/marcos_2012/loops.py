@@ -81,13 +81,13 @@ def follow_all(
     selection: Sequence[Cell], postures: dict[tuple[int, float], np.ndarray], *, steps: int = STEPS, seed: int = 0
 ) -> Iterator[CellLoop]:
     """Follow every cell's loop on all cores, as they end; how many of all steps are done is said every second."""
-    ended, done, said, total = 0, 0, time.perf_counter(), steps * len(selection)
+    ended, done, last_message, total = 0, 0, time.perf_counter(), steps * len(selection)
 
     def count(_: StepRecord) -> None:
-        nonlocal done, said
+        nonlocal done, last_message
         done += 1  # of threads that count at once one may be lost: it is said, not reckoned with
-        if time.perf_counter() > said + 1.0:
-            said = time.perf_counter()
+        if time.perf_counter() > last_message + 1.0:
+            last_message = time.perf_counter()
             print(
                 f"\r{done} of {total} steps, {ended} of {len(selection)} closed loops",
                 end="",

@@ -69,11 +69,11 @@ def _candidates(figure: Figure, decline: Decline) -> None:
     )
     reach = counts[counts >= FITTED_FROM]
     exponent, factor = decline.lines.mean(axis=0)
-    said = paper()["Figure 1", "least kinetic energy", "logarithm of the factor"]
+    printed = paper()["Figure 1", "least kinetic energy", "logarithm of the factor"]
     rate = paper()["Figure 1", "least kinetic energy", "exponent"]
     for label, power, scale, colour, style in (
         (f"ours: exponent {exponent:.2f}", exponent, factor, PAPER.accents[1], "--"),
-        (f"paper: exponent {rate:.2f}", rate, said, PAPER.accents[0], "-."),
+        (f"paper: exponent {rate:.2f}", rate, printed, PAPER.accents[0], "-."),
     ):
         axes.plot(reach, np.exp(scale) * reach**power, color=colour, linestyle=style, label=label)
     axes.set(xscale="log", yscale="log", xlabel="number of candidates")

@@ -99,8 +99,8 @@ def _self_motion_velocity(equation: EquationOfMotion, last: np.ndarray) -> np.nd
     """Return the velocity of final states (motions, 2 dof) beyond the least that the path takes."""
     q, dq = np.split(last, 2, axis=1)
     with np.errstate(invalid="ignore"):
-        least = equation.project(np.full(len(q), equation.task.times[-1]), q, np.zeros_like(dq))
-    return dq - least
+        path_velocity = equation.project(np.full(len(q), equation.task.times[-1]), q, np.zeros_like(dq))
+    return dq - path_velocity
 
 
 def _self_motion_basis(task: MotionTask, q: np.ndarray) -> np.ndarray:

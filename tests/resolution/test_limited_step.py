@@ -26,14 +26,16 @@ def random_goal(rng, *, region=0.0, damping=0.02):
 
 def bounded(rates, *, distances=None):
     gradients, least = (np.zeros((0, len(rates))), np.zeros(0)) if distances is None else distances
-    return StepLimits(bounds=np.stack([-rates, rates], axis=-1), gradients=gradients, least=least)
+    return StepLimits(bounds=np.stack([-rates, rates], axis=-1), gradients=gradients, lowest_rates=least)
 
 
 def least_distance(goal, limits):
     """Return the step by Lawson & Hanson's least distance programming, equations being pairs of inequalities."""
     root, identity = np.sqrt(goal.inverse_weights), np.eye(len(goal.secondary))
     G = np.concatenate([goal.jacobian, -goal.jacobian, limits.gradients, identity, -identity])
-    h = np.concatenate([goal.task_rates, -goal.task_rates, limits.least, limits.bounds[:, 0], -limits.bounds[:, 1]])
+    h = np.concatenate(
+        [goal.task_rates, -goal.task_rates, limits.lowest_rates, limits.bounds[:, 0], -limits.bounds[:, 1]]
+    )
     scaled, right = G * root, h - G @ goal.secondary
     weights, distance = nnls(np.vstack([scaled.T, right]), np.append(np.zeros(len(root)), 1.0))
     residual = np.vstack([scaled.T, right]) @ weights - np.append(np.zeros(len(root)), 1.0)

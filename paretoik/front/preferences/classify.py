@@ -75,8 +75,8 @@ class Classify:
 
     def __repr__(self) -> str:
         fields = ("improve", "improve_to", "keep", "relax_to", "free")
-        given = {field: getattr(self, field) for field in fields if getattr(self, field)}
-        plain = {field: dict(value) if isinstance(value, Mapping) else list(value) for field, value in given.items()}
+        classes = {field: getattr(self, field) for field in fields if getattr(self, field)}
+        plain = {field: dict(value) if isinstance(value, Mapping) else list(value) for field, value in classes.items()}
         return f"Classify({self.current}, {', '.join(f'{field}={value!r}' for field, value in plain.items())})"
 
     def choose(self, front: Front) -> Choice:

@@ -202,14 +202,14 @@ def at_sample(task: MotionTask, q: Any, rate: Any, acceleration: Any, slack: Any
         "mechanical_energy": lambda: casadi.sum1(slack),
         "joint_limit_distance": lambda: casadi.sumsqr(ratio) / (2 * arm.dof) / float(task.times[-1] - task.times[0]),
     }
-    given = {"velocity": rate, "torque": torque, "power": torque * rate}
+    quantities = {"velocity": rate, "torque": torque, "power": torque * rate}
     kinds = _limited_kinds(task)
     shares: Any = vertcat(*(SX(0) if each.form == "peak" else worth[each.name]() for each in task.objectives))
-    rows = [given[kind] for kind in kinds]
+    rows = [quantities[kind] for kind in kinds]
     if slacks(task):
-        rows += [slack - given["power"], slack + given["power"]]
+        rows += [slack - quantities["power"], slack + quantities["power"]]
     for i, objective in enumerate(peaks(task)):
-        below = given[objective.name.removeprefix("peak_")]
+        below = quantities[objective.name.removeprefix("peak_")]
         rows += [top[i] - below, top[i] + below]
     return shares, vertcat(*rows) if rows else SX(0, 1)
 

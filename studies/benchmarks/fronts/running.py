@@ -89,13 +89,13 @@ def empty_run(case: str) -> Run:
 
 
 def _forms(pool: ProcessPool, chosen: Sequence[str], folder: Path | None) -> dict[tuple[str, str], Form]:
-    asked = {
+    builds = {
         (case, name): pool.schedule(form_of, args=[name, case, folder])
         for case in chosen
         for name in methods_of(case)
         if name in SOLVERS
     }
-    forms = {which: _done(work, f"building {which[1]} for {which[0]}") for which, work in asked.items()}
+    forms = {which: _done(work, f"building {which[1]} for {which[0]}") for which, work in builds.items()}
     tell("peers: built")
     return forms
 

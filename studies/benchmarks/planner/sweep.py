@@ -93,9 +93,9 @@ def questions(solver: str) -> Questions:
     )
 
 
-def libraries(cores: Cores, asked: Questions, folder: Path) -> Questions:
+def libraries(cores: Cores, plain: Questions, folder: Path) -> Questions:
     """Return the questions, compiled."""
-    compiled = [one for one, _ in cores.compiled([*asked.coarse, *asked.fine, asked.capped], folder)]
+    compiled = [one for one, _ in cores.compiled([*plain.coarse, *plain.fine, plain.capped], folder)]
     return Questions(coarse=(compiled[0], compiled[1]), fine=(compiled[2], compiled[3]), capped=compiled[4])
 
 
@@ -107,23 +107,23 @@ def sweeps(cores: Cores, folder: Path, effort: Effort, *, quick: bool) -> list[R
     tell("front: ours")
     pk.epsilon_front(problem, points=3, starts=2)  # compiles
     volume = _ours(problem, points, effort).volume
-    asked = dict[str, Questions]()
+    forms = dict[str, Questions]()
     for solver, label in list(LABELS.items())[: 1 if quick else None]:
         plain = questions(solver)
-        asked |= {label: plain} if not (COMPILER and quick) else {}
-        asked |= {f"{label} compiled": libraries(cores, plain, folder)} if COMPILER else {}
+        forms |= {label: plain} if not (COMPILER and quick) else {}
+        forms |= {f"{label} compiled": libraries(cores, plain, folder)} if COMPILER else {}
     needed = dict[str, Swept]()
-    for form, ask in asked.items():
+    for form, ask in forms.items():
         tell(f"front: {form}")
         needed[form] = _quickest_sweep(_grow_sweeps(cores, ask, problem.task, starts, points, volume), volume)
-    ours, theirs = list[Ours](), {form: list[Swept]() for form in asked}
+    ours, theirs = list[Ours](), {form: list[Swept]() for form in forms}
     for i in range(effort.repeats):
         tell(f"front: side by side, {i + 1} of {effort.repeats}")
         ours.append(_ours(problem, points, effort))
-        for form, ask in asked.items():
+        for form, ask in forms.items():
             ends = _ends(cores, ask, problem.task, starts)
             theirs[form].append(swept(cores, ask, problem.task, ends, needed[form].levels, needed[form].tenacity))
-    return [row for form in asked for row in _rows(form, ours, theirs[form])]
+    return [row for form in forms for row in _rows(form, ours, theirs[form])]
 
 
 def _ours(problem: pk.Tracking, points: int, effort: Effort) -> Ours:
@@ -176,14 +176,14 @@ def _rows(form: str, ours: Sequence[Ours], theirs: Sequence[Swept]) -> list[Row]
 
 
 def _grow_sweeps(
-    cores: Cores, asked: Questions, task: MotionTask, starts: np.ndarray, points: int, volume: float
+    cores: Cores, programs: Questions, task: MotionTask, starts: np.ndarray, points: int, volume: float
 ) -> list[Swept]:
     """Return sweeps of every tenacity, of ever more levels until they dominate as much as ours."""
-    ends = _ends(cores, asked, task, starts)
+    ends = _ends(cores, programs, task, starts)
     tries = []
     for tenacity in (LEAN, THOROUGH, ALL):
         for growing in GROWING:
-            tries.append(swept(cores, asked, task, ends, round(points * growing), tenacity))
+            tries.append(swept(cores, programs, task, ends, round(points * growing), tenacity))
             if tries[-1].volume >= volume * ENOUGH:
                 break
             if len(tries) > 1 and tries[-1].tenacity == tries[-2].tenacity:
@@ -194,12 +194,12 @@ def _grow_sweeps(
 
 
 def _ends(
-    cores: Cores, asked: Questions, task: MotionTask, starts: np.ndarray
+    cores: Cores, programs: Questions, task: MotionTask, starts: np.ndarray
 ) -> tuple[list[list[Solved]], list[Solved]]:
     """Return the distinct optima of each objective, best first, and all solves that they took."""
     found, work = [], list[Solved]()
     level = task.subsample(COARSE)
-    for coarse, fine in zip(asked.coarse, asked.fine, strict=True):
+    for coarse, fine in zip(programs.coarse, programs.fine, strict=True):
         cores.built(coarse, COLD, starts)
         rough = cores.solve(coarse, COLD, "printed", starts)
         carried = np.stack([one.q for one in distinct(level, [r for r in rough if r.solved])[: OPTIONS.max_optima]])
@@ -213,7 +213,7 @@ def _ends(
 
 def swept(
     cores: Cores,
-    asked: Questions,
+    programs: Questions,
     task: MotionTask,
     ends: tuple[list[list[Solved]], list[Solved]],
     levels: int,
@@ -229,11 +229,11 @@ def swept(
         before = [alone[way][0]]
         for k in order:
             warm = np.stack([one.q for one in before])
-            got = cores.solve(asked.capped, WARM, "printed", warm, np.full(len(warm), ceilings[k]))
+            got = cores.solve(programs.capped, WARM, "printed", warm, np.full(len(warm), ceilings[k]))
             failed = [q for q, one in zip(warm, got, strict=True) if not one.solved]
             again = np.array(failed + (pool if not at[k] else []))
             if len(again):
-                got += cores.solve(asked.capped, COLD, "printed", again, np.full(len(again), ceilings[k]))
+                got += cores.solve(programs.capped, COLD, "printed", again, np.full(len(again), ceilings[k]))
             work += got
             at[k] = distinct(task, [*at[k], *(one for one in got if one.solved)])[: tenacity.followed]
             before = at[k] or before
