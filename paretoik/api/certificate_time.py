@@ -1,15 +1,34 @@
-"""How long a certificate takes, so that a verb can say how long it will still take."""
+"""The time that certificates take: how long a verb will still take, and what its time limit leaves for them."""
 
 from __future__ import annotations
 
 import time
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import Points
+from paretoik.execution.time_limit import reserve_time
 from paretoik.formulations.protocol import Differentiable
 from paretoik.pareto.certificates import certify
+
+
+@dataclass(frozen=True, kw_only=True)
+class CertificateTime:
+    """Certificates have a ``share`` of a time limit, at most ``longest`` [s] a point."""
+
+    share: float = 0.2
+    longest: float = 2.0
+
+
+OPTIONS = CertificateTime()
+
+
+def reserve_for_certificates(points: int) -> AbstractContextManager[None]:
+    """Return a context that ends before the time limit under way, so that points found in it are certified, too."""
+    return reserve_time(OPTIONS.share, points * OPTIONS.longest)
 
 
 def seconds_per_certificate(formulation: Differentiable, x: Points, ranges: Float[np.ndarray, " n_obj"]) -> float:

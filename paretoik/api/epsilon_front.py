@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from paretoik.api.certificate_time import reserve_for_certificates
 from paretoik.api.certified_front import certified_front
 from paretoik.api.initial import initial_points, remembered_points
 from paretoik.api.progress import Observer
@@ -66,7 +67,7 @@ def epsilon_front(
         Folder to keep the run in: run.json, front.parquet, motions.npz, review.rrd with the levels of ε on the timeline
         ``level``, and pictures (not after a signal). ``overwrite`` allows it to replace a run that is there.
     time_limit
-        Seconds after which the sweep ends and keeps what it has.
+        Seconds after which the sweep ends and keeps what it has; the last fifth is for certificates.
     workers, cluster
         As for ``solve``: starts are solved there, and points certified.
     reference
@@ -135,21 +136,22 @@ def _sweep(problem: Any, formulation: Differentiable, initial: Points | None, se
         workcell=workcell_of(problem),
     )
     display, solver = SweepDisplay(session, formulation), settings["solver"]
-    cold = formulation.cold_search(
-        starts=settings["starts"],
-        seed=settings["seed"],
-        solver=solver,
-        observe=display.show_optima,
-    )
-    x, ranges = epsilon_points(
-        formulation.program,
-        cold,
-        len(formulation.names),
-        points=settings["points"],
-        initial=initial,
-        solver=solver,
-        observe=display.show_step,
-    )
+    with reserve_for_certificates(settings["points"]):
+        cold = formulation.cold_search(
+            starts=settings["starts"],
+            seed=settings["seed"],
+            solver=solver,
+            observe=display.show_optima,
+        )
+        x, ranges = epsilon_points(
+            formulation.program,
+            cold,
+            len(formulation.names),
+            points=settings["points"],
+            initial=initial,
+            solver=solver,
+            observe=display.show_step,
+        )
     front = certified_front(
         problem,
         formulation,

@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.api.certificate_time import seconds_per_certificate
+from paretoik.api.certificate_time import reserve_for_certificates, seconds_per_certificate
 from paretoik.api.certified_front import certified_front, no_worse
 from paretoik.api.progress import Observer, count_observer
 from paretoik.api.refinement_display import RefinementDisplay, improved_points
@@ -67,7 +67,7 @@ def refine(
         the timeline ``refinement``, and pictures (not after a signal). ``overwrite`` allows it to replace a run that is
         there.
     time_limit
-        Seconds after which it ends and keeps what it has.
+        Seconds after which it ends and keeps what it has; the last fifth is for certificates.
     workers, cluster
         As for ``solve``: points are refined and certified there.
     reference
@@ -150,10 +150,11 @@ def refine_front(
         again = TIME_LEFT.tightening if _keeps_between(problem) else 0.0
         then = "" if complete is None else "optimum"
         shown = count_observer(session.observe, "refinement", later=later, again=again, uniform=True, then=then)
-        x, converged = refine_points(program, x, len(ranges), solver=solver, observe=shown)
-        if complete is not None:
-            individuals = no_worse(formulation, formulation.individuals(x), front, ranges)
-            x, ids, ranges = complete(formulation, individuals.x, ids, ranges, session.observe)
+        with reserve_for_certificates(len(x)):
+            x, converged = refine_points(program, x, len(ranges), solver=solver, observe=shown)
+            if complete is not None:
+                individuals = no_worse(formulation, formulation.individuals(x), front, ranges)
+                x, ids, ranges = complete(formulation, individuals.x, ids, ranges, session.observe)
         refined = certified_front(
             problem,
             formulation,

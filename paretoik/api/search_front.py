@@ -17,6 +17,7 @@ from paretoik.api.review_front import review_front
 from paretoik.api.run_session import RunSession
 from paretoik.api.settings import DEFAULTS, SolveSettings
 from paretoik.errors import Infeasible, InvalidInput
+from paretoik.execution.time_limit import check_time_limit
 from paretoik.formulations.protocol import decode, explain_violation, has_branches
 from paretoik.formulations.requirements import check_formulation, require_program
 from paretoik.front.front import Front
@@ -48,6 +49,7 @@ class FrontSearch:
             )
         if settings.refine:
             check_solver(require_program("refine", problem).program(), settings.solver)
+            check_time_limit(settings.time_limit)
         elif settings.solver != "auto":
             raise InvalidInput(f"solver: wants refine=True, got {shown(settings.solver)} without it")
         self.problem = problem
@@ -97,18 +99,20 @@ class FrontSearch:
 
         def observe(progress: RunProgress) -> bool:
             session.show(progress)
-            return session.signal is not None
+            return session.stopped_by is not None
 
-        settings = self._solve_settings
-        front = complete_front(
-            front,
-            points=len(front) if settings.points is None else settings.points,
-            seed=DEFAULTS.seed if settings.seed is None else settings.seed,
-            first_id=max(self.search.evaluations, int(front.ids.max()) + 1),
-            solver=settings.solver,
-            observe=observe,
-        )
-        status = front.provenance["status"] if session.signal is None else session.signal
+        settings, status = self._solve_settings, front.provenance["status"]
+        remaining = None if settings.time_limit is None else max(settings.time_limit - session.seconds, 1e-3)
+        with session.computing(remaining):
+            front = complete_front(
+                front,
+                points=len(front) if settings.points is None else settings.points,
+                seed=DEFAULTS.seed if settings.seed is None else settings.seed,
+                first_id=max(self.search.evaluations, int(front.ids.max()) + 1),
+                solver=settings.solver,
+                observe=observe,
+            )
+        status = session.stopped_by or status
         counts = {**front.provenance["counts"], "seconds": round(session.seconds, 3)}
         return replace(front, provenance={**front.provenance, "status": status, "counts": counts})
 
@@ -218,7 +222,8 @@ def _anchors(problem: Any, settings: SolveSettings, generations: int) -> int:
 def _endings(search: Search, settings: SolveSettings, generations: int, anchors: int) -> list[Ending]:
     endings: list[Ending] = [Generations(generations)]
     if settings.time_limit is not None:
-        endings.append(TimeLimit(settings.time_limit))
+        share = DEFAULTS.search_time if settings.refine else 1.0
+        endings.append(TimeLimit(share * settings.time_limit))
     if settings.evaluations is not None:
         endings.append(Evaluations(settings.evaluations))
     if settings.target is not None:

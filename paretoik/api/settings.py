@@ -44,11 +44,15 @@ class SolveSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class SearchDefaults:
-    """Sizes of a search where a user gives none: individuals, generations at most, and the seed."""
+    """Sizes of a search where a user gives none: individuals, generations at most, and the seed.
+
+    Where the front is refined, too, the search has a share of the time limit, ``search_time``.
+    """
 
     population: int = 200
     generations: int = 500
     seed: int = 0
+    search_time: float = 0.5
 
 
 DEFAULTS = SearchDefaults()

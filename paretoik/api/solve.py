@@ -82,7 +82,7 @@ def solve(
         Whether gradients help: every ten generations a few iterations at the ends, in the widest gaps and in every
         branch, up to 30 % of the evaluations; at the end every point is refined to a local optimum, the best of
         every objective that the planner finds are added, and points where they gain more than others, at most so many
-        as ``points``; all are certified. This comes after ``time_limit``, as far as no signal ends it. For a
+        as ``points``; all are certified. Of a ``time_limit`` the search has half, unless it ends before. For a
         ``Tracking``, ``DirectionalMaxima`` and ``PointToPoint``, as with ``refine(front)``.
     solver
         Which solver ``refine`` uses: "interior-point" for smooth objectives and limits, "sqp" (convex subproblems by

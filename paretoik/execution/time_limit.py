@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from signal import SIGALRM
 
 from paretoik.errors import InvalidInput
@@ -19,6 +20,10 @@ class TimeLimit:
 
     seconds: float | None
     reached: bool = False
+    started: float = field(default_factory=time.monotonic)
+
+
+_ACTIVE: list[TimeLimit] = []  # those under way, one within another
 
 
 def check_time_limit(seconds: float | None) -> None:
@@ -49,10 +54,35 @@ def time_limit(seconds: float | None) -> Iterator[TimeLimit]:
     timer = threading.Timer(min(float(seconds), threading.TIMEOUT_MAX), ring)
     timer.daemon = True
     timer.start()
+    _ACTIVE.append(limit)
     try:
         yield limit
     finally:
+        _ACTIVE.pop()
         timer.cancel()
         timer.join()
         if STOP[0] == SIGALRM:
             STOP[0] = 0
+        if any(outer.reached for outer in _ACTIVE):  # meanwhile
+            STOP[0] = STOP[0] or SIGALRM
+
+
+@contextmanager
+def reserve_time(share: float, longest: float) -> Iterator[None]:
+    """Ask what the body runs to stop before the time limit under way, so that some of it is left for what follows.
+
+    Left is a ``share`` of the limit, at most ``longest`` [s]. The limit then counts as reached. Without one the body
+    runs freely.
+    """
+    if not _ACTIVE or _ACTIVE[-1].reached:
+        yield
+        return
+    outer = _ACTIVE[-1]
+    assert outer.seconds is not None
+    remaining = outer.seconds - (time.monotonic() - outer.started) - min(share * outer.seconds, longest)
+    inner = TimeLimit(seconds=None)
+    try:
+        with time_limit(max(remaining, 1e-3)) as inner:
+            yield
+    finally:
+        outer.reached = outer.reached or inner.reached

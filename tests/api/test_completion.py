@@ -185,3 +185,18 @@ def test_the_planner_comes_after_refining():
     assert order[:3] == ["refinement", "optimum", "point"]
     assert order[-1] == "certification"
     assert {then for stage, then in stages if stage == "refinement"} == {"optimum"}
+
+
+def test_a_time_limit_is_that_of_search_and_refinement_together():
+    """A search of no end leaves half of its time; what refinement finds by the end is returned, as after a signal."""
+    endless = {**SEARCH, "generations": 10**6, "stagnation": False, "points": None}
+    front = pk.solve(tracking(), **endless, refine=True, time_limit=4.0)
+    assert front.provenance["status"] == "time limit"
+    assert front.certificates is not None
+    assert front.provenance["counts"]["seconds"] < 60.0  # far more than the limit, and than a loaded machine adds
+
+
+def test_of_a_time_limit_some_is_left_for_certificates():
+    front = pk.epsilon_front(tracking(), points=10**4, time_limit=5.0, observe=False)
+    assert front.provenance["status"] == "time limit"
+    assert "minimum" in front.certificates.status

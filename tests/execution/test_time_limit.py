@@ -9,7 +9,7 @@ import pytest
 
 from paretoik.errors import InvalidInput
 from paretoik.execution.interrupts import interruptible
-from paretoik.execution.time_limit import time_limit
+from paretoik.execution.time_limit import reserve_time, time_limit
 from paretoik.stop_flag import STOP, Interrupted, check_interruption
 
 
@@ -42,6 +42,34 @@ def test_without_a_limit_there_is_no_thread_more():
     with time_limit(None) as limit:
         assert threading.active_count() == before
     assert not limit.reached
+
+
+def test_of_a_limit_time_can_be_reserved_for_what_follows():
+    with time_limit(20.0) as limit:
+        with reserve_time(0.999, 60.0), pytest.raises(Interrupted):
+            wait_for_interruption()
+        assert limit.reached
+        check_interruption()
+
+
+def test_no_more_time_is_reserved_than_the_longest():
+    with time_limit(60.0) as limit, reserve_time(0.999, 0.5):
+        time.sleep(0.2)
+        check_interruption()
+    assert not limit.reached
+
+
+def test_a_limit_that_is_reached_leaves_no_time_to_reserve():
+    with time_limit(0.05), pytest.raises(Interrupted):
+        with reserve_time(0.0, 0.0):
+            time.sleep(0.1)
+        wait_for_interruption()
+
+
+def test_without_a_limit_no_time_is_reserved():
+    with reserve_time(0.999, 60.0):
+        time.sleep(0.05)
+        check_interruption()
 
 
 def test_a_signal_before_the_limit_stays_the_signal():
