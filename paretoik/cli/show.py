@@ -56,7 +56,7 @@ def _layers(
         return []
     from paretoik.api.load_front import load_front
     from paretoik.formulations.protocol import is_loop
-    from paretoik.front.choices import chosen
+    from paretoik.front.choices import pick_point
     from paretoik.front.compromise import compromise
     from paretoik.review.drawing.choice_layer import write_choice_layer
 
@@ -65,7 +65,7 @@ def _layers(
         if point is not None or compare is not None:
             raise InvalidInput("point: a run with a front wanted, got a closed loop, whose only motion is shown anyhow")
         return []
-    choice = (chosen(front) or compromise(front)) if point is None else front[point]
+    choice = pick_point(front, point, name="--point", otherwise=compromise)
     write_choice_layer(front, choice, layer, recording=recording, compare=None if compare is None else front[compare])
     return [str(layer)]
 

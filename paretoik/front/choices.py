@@ -8,7 +8,7 @@ back deletes nothing: what is chosen next becomes another branch.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
@@ -161,6 +161,38 @@ def chosen(front: Front) -> Choice | None:
     if entry is None:
         return None
     return replace(front[entry.point], reason=entry.reason)
+
+
+def present_point(choices: Choices, *, name: str) -> int:
+    """Return the id of the present choice's point; raises InvalidInput, by ``name``, where there is no choice."""
+    if choices.chosen is None:
+        raise InvalidInput(
+            f"{name}: wants the id of a point, or a choice that is kept (paretoik select RUN, front.select), "
+            "got neither"
+        )
+    return choices.chosen.point
+
+
+def pick_point(
+    front: Front, point: Choice | int | None, *, name: str, otherwise: Callable[[Front], Choice] | None = None
+) -> Choice:
+    """Return a point of a front: the one that is named, or else the present choice, or the only one there is.
+
+    Where there is no choice either, ``otherwise`` is asked. Raises InvalidInput, by ``name``, for points that the front
+    does not have, and where there is none to pick.
+    """
+    if point is not None:
+        return front[int(front.ids[row_of(front, getattr(point, "id", point), name=name)])]
+    choice = chosen(front)
+    if choice is None and otherwise is not None:
+        choice = otherwise(front)
+    return choice or front[present_id(front, name=name)]
+
+
+def present_id(front: Front, *, name: str) -> int:
+    """Return the id of a front's present choice, or of its only point; raises InvalidInput, by ``name``, for none."""
+    choices = front.choices
+    return int(front.ids[0]) if choices.chosen is None and len(front) == 1 else present_point(choices, name=name)
 
 
 def preference_data(preference: Preference) -> dict[str, Any]:

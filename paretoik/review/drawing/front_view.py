@@ -15,7 +15,7 @@ import rerun as rr
 
 from paretoik.arrays import Ids
 from paretoik.errors import Infeasible, InvalidInput, ParetoikError
-from paretoik.front.choices import chosen
+from paretoik.front.choices import pick_point
 from paretoik.front.compromise import compromise
 from paretoik.front.front import Choice, Front
 from paretoik.front.prediction import Prediction
@@ -41,7 +41,7 @@ class FrontView:
 
     def __init__(self, front: Front, viewer: Callable[[rr.RecordingStream], Any]) -> None:
         self._front = front
-        self._choice = chosen(front) or compromise(front)
+        self._choice = pick_point(front, None, name="view", otherwise=compromise)
         self._selected: Ids = np.zeros(0, dtype=np.int64)
         self._callbacks = list[Callable[[Ids], object]]()
         self._times = np.zeros(0)  # of all motions that were shown
