@@ -107,8 +107,8 @@ def read_choices(folder: Path) -> Choices:
 
 def keep_choice(
     front: Front, choice: Choice, preference: Preference, *, former: Mapping[str, Any] | None = None
-) -> None:
-    """Append a choice to those in the front's run folder; its parent is the present one.
+) -> bool:
+    """Append a choice to those in the front's run folder; its parent is the present one. Say whether it is kept.
 
     Where the folder does not hold the chosen point (any more), or cannot be written, a warning says that the choice is
     not kept. Raises InvalidRun where the file of choices is damaged.
@@ -134,6 +134,8 @@ def keep_choice(
         raise
     except (InvalidInput, OSError) as fault:
         warnings.warn(f"the choice is not kept: {fault}", RuntimeWarning, stacklevel=3)
+        return False
+    return True
 
 
 def go_back(folder: Path, *, front: Front | None = None) -> Choices:

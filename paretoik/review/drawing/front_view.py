@@ -21,9 +21,10 @@ from paretoik.front.front import Choice, Front
 from paretoik.front.prediction import Prediction
 from paretoik.front.provenance import NAVIGATIONS
 from paretoik.inputs import check_function, check_size, shown
-from paretoik.review.drawing.choice_layer import ROOTS, ChoiceLayer
+from paretoik.review.drawing.choice_layer import ChoiceLayer
 from paretoik.review.drawing.motion_scene import motion_frames
 from paretoik.review.drawing.parallel_axes import drawn_rows
+from paretoik.review.drawing.recorded_views import ROOTS
 from paretoik.review.drawing_options import DRAWING, VIEWS
 from paretoik.review.even_rows import even_rows
 from paretoik.review.recording.recorded_end import front_point
