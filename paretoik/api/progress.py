@@ -24,8 +24,8 @@ class RunProgress:
     "certification" of a front's points and their "verification". ``done`` of at most ``total`` are done; a stage
     without counts ("beginning", "compilation", "saving", "recording") has a total of 0. ``seconds`` have passed since
     the stage began, about ``remaining`` will until the verb ends; None where that cannot be told. ``summary`` says in
-    words what there is so far; ``generation`` has the points of a generation or step, None in other stages. ``then`` names what comes after
-    the stage, "" for the end, where ``remaining`` does not count it.
+    words what there is so far; ``generation`` has the points of a generation or step, None in other stages. ``then``
+    names what comes after the stage, "" for the end, where ``remaining`` does not count it.
     """
 
     stage: str

@@ -139,4 +139,4 @@ def _show_history(run: Path, wishes: Mapping[str, object], *, undo: bool, proble
     if as_json:
         print_json(asdict(choices))
     else:
-        print(repr(choices))
+        print(choices.text)

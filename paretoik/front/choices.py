@@ -20,6 +20,7 @@ from paretoik.file_replacement import only_writer, replace_file
 from paretoik.front.choice import Choice, Preference
 from paretoik.front.subset import row_of
 from paretoik.run_files import CHOICES, RUN, check_digest, read_run, run_bytes, to_json
+from paretoik.tables import field_representation, fit_screen, html_representation
 
 if TYPE_CHECKING:  # a front keeps its choices here
     from paretoik.front.front import Front
@@ -52,6 +53,9 @@ class KeptChoice:
     time: str
     former: Mapping[str, Any] | None = None
 
+    __repr__ = field_representation
+    _repr_html_ = html_representation
+
 
 @dataclass(frozen=True, kw_only=True)
 class Choices:
@@ -69,7 +73,12 @@ class Choices:
         return len(self.entries)
 
     def __repr__(self) -> str:
-        """Return the tree, a line a choice, the present one marked."""
+        """Return the tree as far as a screen goes."""
+        return fit_screen(self.text)
+
+    @property
+    def text(self) -> str:
+        """The whole tree, a line a choice, the present one marked."""
         return "\n".join(self._lines()) or "no choice yet"
 
     def _lines(self) -> Iterator[str]:

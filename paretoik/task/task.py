@@ -31,6 +31,7 @@ from paretoik.robot.components import (
 from paretoik.robot.frame import Frame
 from paretoik.robot.kinematics import LinkFrames, frame_components, jacobian_components, link_frames
 from paretoik.robot.pose import quaternion_to_matrix, rotation_vector
+from paretoik.tables import field_representation, html_representation
 from paretoik.task.path import Path
 
 Components: TypeAlias = Sequence[Component]
@@ -54,6 +55,9 @@ class Task:
     path: Path
     frame: str = "tool"
     axes: Axes | None = None
+
+    __repr__ = field_representation
+    _repr_html_ = html_representation
 
     def __post_init__(self) -> None:
         check_instance("path", self.path, Path, "a Path", example="pk.line(...)")
