@@ -10,7 +10,7 @@ from __future__ import annotations
 import fcntl
 import os
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -19,10 +19,11 @@ from paretoik.errors import InvalidInput
 SAVED = ".saved"  # a folder of files that are whole and on their way into the folder that it is in
 
 
-def replace_file(file: Path, content: bytes) -> None:
+def replace_file(file: Path, content: bytes, *, check: Callable[[Path], object] | None = None) -> None:
     """Write ``content`` into a temporary file and rename it to ``file``, so that no reader sees a part; make folders.
 
-    Raises InvalidInput where the system refuses, as on a full disk; the former file is unchanged then.
+    Raises InvalidInput where the system refuses, as on a full disk, and what ``check`` raises, which sees the temporary
+    file; the former file is unchanged then.
     """
     if file.name in ("", ".."):
         raise InvalidInput(f"{file}: wanted to write it, got a folder")
@@ -31,6 +32,8 @@ def replace_file(file: Path, content: bytes) -> None:
         file.parent.mkdir(parents=True, exist_ok=True)
         try:
             _write(part, content)
+            if check is not None:
+                check(part)
             part.replace(file)
         finally:
             part.unlink(missing_ok=True)

@@ -1,11 +1,33 @@
-"""Tables of text: aligned columns for a terminal, and HTML for a notebook."""
+"""Text for a screen: aligned columns, items by their fields, and HTML for a notebook."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+import textwrap
+from collections.abc import Mapping, Sequence
+from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
 from html import escape
+from typing import Any
+
+import numpy as np
 
 Rows = Sequence[Sequence[str]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScreenOptions:
+    """What is shown of an item: so many ``lines`` of so many characters, ``width``.
+
+    Of a field at most ``value`` characters, of an array at most so many ``numbers``, of longer ones the range.
+    """
+
+    lines: int = 25
+    width: int = 120
+    value: int = 90
+    numbers: int = 8
+
+
+SCREEN = ScreenOptions()
 
 
 def columns(rows: Rows) -> str:
@@ -40,3 +62,87 @@ def html_representation(item: object) -> str:
 
 def _kinds(rows: Rows) -> list[tuple[str, Sequence[str]]]:
     return [("th" if place == 0 else "td", row) for place, row in enumerate(rows)]
+
+
+def fit_screen(text: str) -> str:
+    """Return text with long lines wrapped between words, and no more lines than a screen has.
+
+    >>> print(fit_screen("limits  " + ", ".join(f"joint{i}" for i in range(20))))
+    limits  joint0, joint1, joint2, joint3, joint4, joint5, joint6, joint7, joint8, joint9, joint10, joint11, joint12,
+            joint13, joint14, joint15, joint16, joint17, joint18, joint19
+    """
+    lines = [part for line in text.splitlines() for part in _wrap(line)]
+    if len(lines) > SCREEN.lines:
+        lines[SCREEN.lines - 1 :] = [f"... and {len(lines) - SCREEN.lines + 1} more lines"]
+    return "\n".join(lines)
+
+
+def field_representation(item: object) -> str:
+    """Return a dataclass, or a named tuple, in one screen: fields without their defaults, long arrays by their shapes.
+
+    >>> from paretoik.capability import MotorCurve
+    >>> MotorCurve(stall=[1.0, 2.0], fastest=[3.0, 4.0])
+    MotorCurve(stall=[1, 2], fastest=[3, 4])
+    """
+    values = _fields(item)
+    name, parts = type(item).__name__, [f"{field}={_brief(value)}" for field, value in values.items()]
+    line = f"{name}({', '.join(parts)})"
+    if len(line) <= SCREEN.width and "\n" not in line:
+        return line
+    return fit_screen("\n".join([name, columns([(f"  {field}", _brief(value)) for field, value in values.items()])]))
+
+
+def _fields(item: Any) -> dict[str, Any]:
+    """Return the fields of a dataclass that do not have their defaults, or all of a named tuple."""
+    if not is_dataclass(item):
+        return dict(item._asdict())
+    return {each.name: value for each in fields(item) if not _is_default(each, value := getattr(item, each.name))}
+
+
+def _is_default(field: Field[Any], value: object) -> bool:
+    """Say whether a field has the default of its class; one that is made anew each time is told where it is empty."""
+    if field.default is not MISSING:
+        return value is field.default or (isinstance(value, int | float | str) and value == field.default)
+    return field.default_factory is not MISSING and not (isinstance(value, np.ndarray) or value)
+
+
+def _brief(value: object) -> str:
+    """Return a value in a line: a short array by its numbers, a long one by its shape and range."""
+    if isinstance(value, np.ndarray):
+        return _brief_array(value)
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    text = repr(value)
+    if "\n" not in text and len(text) <= SCREEN.value and "array(" not in text:
+        return text
+    if is_dataclass(value) and "array(" in text:  # one that has no text of its own
+        return type(value).__name__
+    if isinstance(value, Sequence | Mapping) and not isinstance(value, str):
+        return f"{len(value)} of {type(value).__name__}"
+    return text.splitlines()[0][: SCREEN.value].rstrip("(,[ ")
+
+
+def _brief_array(array: np.ndarray) -> str:
+    shape = f"{array.dtype} {array.shape}"
+    if array.ndim <= 1 and array.size <= SCREEN.numbers:
+        return "[" + ", ".join(f"{each:.4g}" if array.dtype.kind == "f" else str(each) for each in array.ravel()) + "]"
+    if array.dtype.kind not in "iuf" or not np.isfinite(array).any():
+        return shape
+    finite = array[np.isfinite(array)]
+    return f"{shape}, {finite.min():.4g} to {finite.max():.4g}"
+
+
+def _wrap(line: str) -> list[str]:
+    """Return a line in parts as long as a screen is wide; those after the first stand below its second column."""
+    if len(line) <= SCREEN.width:
+        return [line]
+    label = re.match(r"\s*\S+\s{2,}|\s*", line)
+    indent = " " * min(label.end() if label is not None else 0, SCREEN.width // 2)
+    return textwrap.wrap(
+        line,
+        SCREEN.width,
+        subsequent_indent=indent,
+        break_on_hyphens=False,
+        drop_whitespace=True,
+        replace_whitespace=False,
+    )

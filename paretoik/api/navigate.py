@@ -18,7 +18,7 @@ from paretoik.run_files import CERTIFICATES, PICTURE
 
 def navigate(
     run: str | Path,
-    point: int,
+    point: int | None = None,
     *,
     improve: str,
     allow: str | Sequence[str] | None = None,
@@ -34,6 +34,8 @@ def navigate(
     That is the run itself, which loses nothing: where former points are dominated by the new one, they stay there and
     the new front goes into a folder beside it. ``out`` names another folder, ``overwrite`` replaces a run there;
     ``problem`` is as for ``load_front``, the other arguments are those of ``Front.navigate``.
+
+    It moves from a ``point``, by default from the present choice of the run.
 
     Raises InvalidInput for a run or a folder that cannot be used, and as ``Front.navigate`` does.
     """

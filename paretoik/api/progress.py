@@ -20,12 +20,12 @@ class RunProgress:
 
     ``stage`` says what is counted: "generation" of a search, "step" of a closed loop, "sample" to which the levels of a
     plan have come, "optimum" of the starts (or samples) from which an ε-front begins, "point" of an ε-front (or, both,
-    of a search with ``refine`` once its points are refined), "refinement", "tightening" (of limits between samples) and
-    "certification" of a front's points. ``done`` of at most ``total`` are done; a stage without counts ("beginning",
-    "compilation", "saving", "recording") has a total of 0. ``seconds`` have passed since the stage began, about
-    ``remaining`` will until the verb ends; None where that cannot be told. ``summary`` says in words what there is so
-    far; ``generation`` has the points of a generation or step, None in other stages. ``then`` names what comes after
-    the stage, "" for the end, where ``remaining`` does not count it.
+    of a search with ``refine`` once its points are refined), "refinement", "tightening" (of limits between samples),
+    "certification" of a front's points and their "verification". ``done`` of at most ``total`` are done; a stage
+    without counts ("beginning", "compilation", "saving", "recording") has a total of 0. ``seconds`` have passed since
+    the stage began, about ``remaining`` will until the verb ends; None where that cannot be told. ``summary`` says in
+    words what there is so far; ``generation`` has the points of a generation or step, None in other stages. ``then``
+    names what comes after the stage, "" for the end, where ``remaining`` does not count it.
     """
 
     stage: str

@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 
 from paretoik.api.load_front import load_front
-from paretoik.api.result_text import certificate_text, gap_text
+from paretoik.api.result_text import gap_text
 from paretoik.api.run_problem import check_problem_argument
 from paretoik.api.run_text import status_text
 from paretoik.errors import InvalidInput, InvalidRun
 from paretoik.formulations.protocol import is_loop
+from paretoik.front.certificate_text import certificate_text
 from paretoik.front.front import Front
 from paretoik.front.joint_motions import StoredMotions
 from paretoik.front.reason import list_words

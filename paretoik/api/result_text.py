@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import shlex
 import textwrap
 from collections.abc import Sequence
@@ -10,16 +9,14 @@ from dataclasses import asdict, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from paretoik.api.run_text import status_text
 from paretoik.formulations.protocol import is_loop
+from paretoik.front.certificate_text import certificate_text
 from paretoik.front.choices import preference_data
 from paretoik.review.limits_between import describe_limits_between
 from paretoik.tables import columns
 
 if TYPE_CHECKING:
-    from paretoik.front.certificates import Certificates
     from paretoik.front.front import Choice, Front
 
 
@@ -100,22 +97,6 @@ def choice_entry(front: Front, choice: Choice) -> dict[str, Any]:
     }
 
 
-def certificate_text(certificates: Certificates) -> str:
-    """Return how many points have which status, the worst residual and violations, and why some are undetermined."""
-    values, counts = np.unique(certificates.status, return_counts=True)
-    statuses = ", ".join(f"{count} {status}" for status, count in zip(values, counts, strict=True))
-    worst = (certificates.kkt_residual, certificates.violation, certificates.violation_between)
-    residual, violation, between = (f"{np.fmax.reduce(column, initial=0.0):.1e}" for column in worst)  # of those known
-    lines = [
-        f"certified: {statuses or 'no point'}; criticality at most {residual}, limits violated by at most {violation} "
-        f"at the samples and {between} between them"
-    ]
-    reasons, counts = np.unique(_kinds_of_reason(certificates), return_counts=True)
-    order = np.argsort(-counts, kind="stable")
-    lines += [f"undetermined: {counts[i]} of {len(certificates)}, {reasons[i]}" for i in order]
-    return "\n".join(lines)
-
-
 def gap_text(front: Front) -> str:
     """Return where a front of two objectives jumps, and what hypervolume further points could add; "" if unknown."""
     lines = [_jump_text(front.jumps)] if front.jumps else []
@@ -127,14 +108,6 @@ def gap_text(front: Front) -> str:
 def _jump_text(jumps: Sequence[tuple[int, int]]) -> str:
     pairs = ", ".join(f"{one} and {other}" for one, other in jumps)
     return f"jump{'s' * (len(jumps) > 1)} to another branch of optima between points {pairs}"
-
-
-def _kinds_of_reason(certificates: Certificates) -> list[str]:
-    """Return the reason of every undetermined point, alike where its numbers alone differ."""
-    reasons = certificates.reason[certificates.status == "undetermined"].tolist()
-    if len(reasons) > 1:
-        reasons = [re.sub(r"^(criticality|curvature) \S+?(:?) ", r"\1\2 ", reason) for reason in reasons]
-    return [reason for reason in reasons if reason]
 
 
 def entries(front: Front) -> list[dict[str, Any]]:

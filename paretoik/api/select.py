@@ -1,20 +1,24 @@
-"""Choose one point of a front by a preference; a closed loop is followed anew where it needs to be."""
+"""Choose one point of a front by a preference, or go back; a closed loop is followed anew where it needs to be."""
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from os.path import relpath
 from pathlib import Path
 
+from paretoik.api.load_front import load_front
 from paretoik.api.progress import Observer
 from paretoik.api.solve import solve
-from paretoik.errors import InvalidInput
+from paretoik.errors import InvalidInput, ParetoikError
 from paretoik.execution.run_folder import check_other_folder
 from paretoik.formulations.protocol import is_loop, reweigh
-from paretoik.front.choices import keep_choice
+from paretoik.front.choices import Choices, go_back, keep_choice
 from paretoik.front.front import Choice, Front, Preference
 from paretoik.front.preferences.requests import as_preference
+from paretoik.front.viewing import show_choice
 from paretoik.inputs import file_path
+from paretoik.run_files import RECORDING
 
 
 def select(
@@ -58,3 +62,18 @@ def select(
         former = None if run is None else {"run": run, "choice": current}
         keep_choice(selected, choice, preference, former=former)
     return selected, choice
+
+
+def undo(run: Path, problem: str | None = None) -> Choices:
+    """Go back to the choice before the present one of a run, and return the choices; its recording follows.
+
+    ``problem`` is as for ``load_front``. A run whose front cannot be opened keeps its recording, with a warning. Raises
+    InvalidInput where there is no choice to go back from.
+    """
+    choices = go_back(run)
+    if (run / RECORDING).exists():
+        try:
+            show_choice(load_front(run, problem))
+        except ParetoikError as error:
+            warnings.warn(f"the recording stays as it was: {error}", RuntimeWarning, stacklevel=2)
+    return choices

@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from paretoik.api.progress import Observer, count_observer
+from paretoik.api.progress_display import open_observer
 from paretoik.api.run_problem import check_problem_argument, problem_of_run
 from paretoik.errors import ParetoikError
 from paretoik.file_replacement import without_writers
@@ -15,14 +17,14 @@ if TYPE_CHECKING:
     from paretoik.verification.report import Verification
 
 
-def verify(folder: str | Path, problem: Any = None) -> Verification:
+def verify(folder: str | Path, problem: Any = None, *, observe: Observer | bool | None = None) -> Verification:
     """Return what an independent look at a run folder says: a row for everything that was checked, or was not.
 
     The files, motions at their samples and between them, limits, collisions, objectives and certificates are checked by
     SciPy and Pinocchio, which ``pip install "paretoik[verify]"`` brings; no kernel is shared with what made the run.
     The problem is ``problem``, which may also be its name, or the one that the run names, as for ``load_front``; of it
     the numbers and a user's functions count. Of a polygon it is the arm. ``passed`` says whether nothing failed,
-    ``unchecked`` what nobody looked at.
+    ``unchecked`` what nobody looked at. ``observe`` learns how many points are checked, as that of ``refine`` does.
 
     Raises
     ------
@@ -50,4 +52,6 @@ def verify(folder: str | Path, problem: Any = None) -> Verification:
     problem = whole
     if problem is not None and {"objectives", "objective"} & run.entries.keys():
         same = fingerprint(problem) == run.entries.get("fingerprint")
-    return verify_run(run, problem, reason=reason, same=same)
+    with open_observer(observe) as observer:
+        show = count_observer(observer, "verification", uniform=True)
+        return verify_run(run, problem, reason=reason, same=same, show=show)

@@ -20,6 +20,7 @@ from paretoik.capability.rods import angle_range, broadcast, check_geometry
 from paretoik.errors import InvalidInput
 from paretoik.inputs import check_instance, finite_number, shown
 from paretoik.robot.arm import Arm
+from paretoik.tables import field_representation, html_representation
 
 LEAST_ROD_ANGLE = float(np.deg2rad(10.0))  # rad: nearer to 0 or π sliders hardly turn the joint, or hardly hold it
 
@@ -32,6 +33,9 @@ class JointActuation:
     """
 
     motors: MotorCurve
+
+    __repr__ = field_representation
+    _repr_html_ = html_representation
 
     def __post_init__(self) -> None:
         if not isinstance(self.motors, MotorCurve):
@@ -110,6 +114,9 @@ class DistributedActuation:
     zero: Float[np.ndarray, " dof"]
     bend: Float[np.ndarray, " dof"]
     least_angle: Float[np.ndarray, " dof"]
+
+    __repr__ = field_representation
+    _repr_html_ = html_representation
 
     def __init__(
         self,

@@ -20,6 +20,7 @@ from paretoik.inputs import check_choice, check_seed, check_size, finite_array
 from paretoik.robot import kinematics
 from paretoik.robot.arm import Arm
 from paretoik.robot.dynamics import gravity_torques
+from paretoik.tables import field_representation, html_representation
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -45,6 +46,9 @@ class PerformancePolygon:
     motor_speeds: Float[np.ndarray, "directions motors dof"]
     motor_efforts: Float[np.ndarray, "directions motors dof"]
     sliders: Float[np.ndarray, "directions 2 dof"] | None
+
+    __repr__ = field_representation
+    _repr_html_ = html_representation
 
     def __len__(self) -> int:
         return len(self.values)

@@ -24,6 +24,7 @@ from paretoik.capability.speed_models import SpeedModel, check_model
 from paretoik.errors import InvalidInput, SolverFailed
 from paretoik.inputs import ArrayLike, check_size, finite_array
 from paretoik.nlp.interval_program import Pieces
+from paretoik.tables import field_representation, html_representation
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,6 +52,9 @@ class FastestPath:
 
     points: Float[np.ndarray, "n task"]
     times: Float[np.ndarray, " n"]
+
+    __repr__ = field_representation
+    _repr_html_ = html_representation
 
     @property
     def duration(self) -> float:

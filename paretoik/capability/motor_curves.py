@@ -15,6 +15,7 @@ from paretoik.arrays import Joints, read_only
 from paretoik.capability.compiled import actuators
 from paretoik.errors import InvalidInput
 from paretoik.inputs import check_choice, real_array, shown
+from paretoik.tables import field_representation, html_representation
 
 MotorShape = Literal["diamond", "strip", "box"]
 SHAPES: tuple[MotorShape, ...] = get_args(MotorShape)
@@ -38,6 +39,9 @@ class MotorCurve:
     stall: Float[np.ndarray, " dof"]
     fastest: Float[np.ndarray, " dof"]
     shape: MotorShape = "diamond"
+
+    __repr__ = field_representation
+    _repr_html_ = html_representation
 
     def __init__(self, *, stall: object, fastest: object, shape: MotorShape = "diamond") -> None:
         check_choice("motor curve: shape", shape, SHAPES)

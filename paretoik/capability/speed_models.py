@@ -16,6 +16,7 @@ from jaxtyping import Float, Int
 from paretoik.capability.polynomials import Polynomials
 from paretoik.errors import InvalidInput
 from paretoik.inputs import shown
+from paretoik.tables import field_representation, html_representation
 
 
 @runtime_checkable
@@ -49,6 +50,9 @@ class PolynomialEllipsoids:
     lower: Float[np.ndarray, " task"]
     upper: Float[np.ndarray, " task"]
 
+    __repr__ = field_representation
+    _repr_html_ = html_representation
+
     def roots(
         self, positions: Float[np.ndarray, "*batch task"]
     ) -> tuple[Float[np.ndarray, "*batch task task"], Float[np.ndarray, "*batch task task task"]]:
@@ -81,6 +85,9 @@ class AxesEllipses:
     axes: Polynomials
     lower: Float[np.ndarray, " task"]
     upper: Float[np.ndarray, " task"]
+
+    __repr__ = field_representation
+    _repr_html_ = html_representation
 
     def roots(
         self, positions: Float[np.ndarray, "*batch 2"]

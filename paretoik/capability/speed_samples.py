@@ -12,6 +12,7 @@ from paretoik.capability.polynomials import numerical_rank
 from paretoik.capability.speed_models import SpeedModel, check_model, speeds_along
 from paretoik.errors import InvalidInput
 from paretoik.inputs import real_array
+from paretoik.tables import field_representation, html_representation
 
 Positions: TypeAlias = Float[np.ndarray, "samples task"]
 Directions: TypeAlias = Float[np.ndarray, "directions task"]
@@ -39,6 +40,9 @@ class FitErrors:
     underestimate: float
     position: Float[np.ndarray, " task"]
     direction: Float[np.ndarray, " task"]
+
+    __repr__ = field_representation
+    _repr_html_ = html_representation
 
 
 def fit_errors(model: SpeedModel, positions: Positions, directions: Directions, speeds: Speeds) -> FitErrors:

@@ -18,6 +18,7 @@ from paretoik.capability.planner import Formulation, Plan, Planner
 from paretoik.capability.speed_models import SpeedModel, check_model
 from paretoik.errors import InvalidInput, SolverFailed
 from paretoik.inputs import ArrayLike, check_choice, finite_array
+from paretoik.tables import field_representation, html_representation
 from paretoik.task.limits import LIMIT_TOLERANCE
 
 
@@ -42,6 +43,9 @@ class TimeOptimalRun:
     iterations: Int[np.ndarray, " plans"]
     arrival: float
     settled: float
+
+    __repr__ = field_representation
+    _repr_html_ = html_representation
 
 
 def time_optimal_control(

@@ -19,13 +19,12 @@ def check_robot(
 ) -> None:
     """List every fault of a URDF file, and the arm that paretoik would make of it."""
     from paretoik.robot.urdf import check_robot as check
+    from paretoik.robot.urdf import report_text
 
     report = check(file, base, tip)
     if as_json:
         print_json({"summary": report.summary, "warnings": report.warnings, "faults": report.faults})
     else:
-        lines = [*report.summary, *(f"warning: {line}" for line in report.warnings)]
-        lines += [f"fault: {line}" for line in report.faults] or ["no faults"]
-        print("\n".join(lines))
+        print(report_text(report))
     if report.faults:
         raise typer.Exit(InvalidInput.exit_code)

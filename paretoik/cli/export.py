@@ -62,7 +62,7 @@ def export(
         from paretoik.api.export import export as export_motion
         from paretoik.api.plan_storage import holds_plan
 
-        id, motion, about = (_optimum if holds_plan(run) else _point)(run, point, problem)
+        id, motion, about, which = (_optimum if holds_plan(run) else _point)(run, point, problem)
         place = out or run / f"point-{id}{ENDINGS[format or 'csv']}"
         trajectory = export_motion(
             motion,
@@ -82,27 +82,26 @@ def export(
             {**trajectory.metadata, "out": place, "samples": len(trajectory.time), "seconds": trajectory.time[-1]}
         )
     else:
-        print(_text(trajectory, place))
+        print(_text(trajectory, place, which=which if point is None else ""))
 
 
-def _point(run: Path, point: int | None, problem: str | None) -> tuple[int, Choice, dict[str, Any]]:
-    """Return a point of a front, or the present choice, and what is said of it; raises InvalidInput for none."""
+def _point(run: Path, point: int | None, problem: str | None) -> tuple[int, Choice, dict[str, Any], str]:
+    """Return a point of a front, or the present choice, what is said of it, and which it is where none was named."""
     from paretoik.api.load_front import load_front
-    from paretoik.front.choices import chosen
+    from paretoik.front.choices import pick_point
 
     front = load_front(run, problem)
-    choice = chosen(front) if point is None else front[point]
-    if choice is None:
-        raise InvalidInput("--point: the id of a point wanted, got none, and paretoik select has kept no choice")
+    choice = pick_point(front, point, name="--point")
     objectives = {
         name: _with_unit(value, unit)
         for name, unit, value in zip(front.names, front.units, choice.objectives, strict=True)
     }
-    return choice.id, choice, {"problem": front.provenance.get("problem"), "objectives": objectives}
+    which = " (the present choice)" if len(front) > 1 else ""
+    return choice.id, choice, {"problem": front.provenance.get("problem"), "objectives": objectives}, which
 
 
-def _optimum(run: Path, point: int | None, problem: str | None) -> tuple[int, Motion, dict[str, Any]]:
-    """Return an optimum of a plan, or the best, and what is said of it; raises InvalidInput for none."""
+def _optimum(run: Path, point: int | None, problem: str | None) -> tuple[int, Motion, dict[str, Any], str]:
+    """Return an optimum of a plan, or the best, what is said of it, and which it is; raises InvalidInput for none."""
     from paretoik.api.load_plan import load_plan
     from paretoik.run_files import RUN, read_run
 
@@ -118,6 +117,7 @@ def _optimum(run: Path, point: int | None, problem: str | None) -> tuple[int, Mo
             "point": id,
             "objectives": {objective["name"]: _with_unit(optimum.objective, objective["unit"])},
         },
+        " (the best)",
     )
 
 
@@ -125,13 +125,13 @@ def _with_unit(value: float, unit: str) -> str:
     return f"{value:.6g} {unit}".rstrip()
 
 
-def _text(trajectory: JointTrajectory, place: Path) -> str:
+def _text(trajectory: JointTrajectory, place: Path, *, which: str) -> str:
     made: dict[str, Any] = dict(trajectory.metadata)
     scaled = f", slowed down {made['time_scale']:.4g} times" if made["time_scale"] > 1 else ""
     ramped = f", with ramps of {made['ramp']:g} s" if made["ramp"] else ""
     lines = [
-        f"{place}: point {made['point']}, {len(trajectory.time)} samples of {len(trajectory.joint_names)} joints at "
-        f"{made['rate']:g} Hz, {trajectory.time[-1]:g} s{scaled}{ramped}"
+        f"{place}: point {made['point']}{which}, {len(trajectory.time)} samples of {len(trajectory.joint_names)} "
+        f"joints at {made['rate']:g} Hz, {trajectory.time[-1]:g} s{scaled}{ramped}"
     ]
     if made["controller"] is None:
         lines.append("checked against no controller's limits: --controller NAME does it")

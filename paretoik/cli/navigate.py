@@ -14,8 +14,10 @@ from paretoik.cli.options import RunProblem
 
 def navigate(
     run: RunFolder,
-    point: Annotated[int, typer.Option(help="Id of the point to move from.", show_default=False)],
     improve: Annotated[str, typer.Option(help="The objective that gets better.", show_default=False)],
+    point: Annotated[
+        int | None, typer.Option(help="Id of the point to move from (the present choice).", show_default=False)
+    ] = None,
     allow: Annotated[
         list[str] | None, typer.Option(help="Who pays; may be repeated (all that are not on hold).", show_default=False)
     ] = None,
@@ -49,8 +51,11 @@ def navigate(
             overwrite=overwrite,
             problem=problem,
         )
+    start = front.provenance[NAVIGATIONS][-1]["from"]
     if as_json:
         print_json({**entries(front)[choice.index], **front.provenance[NAVIGATIONS][-1], "out": place})
     else:
+        if point is None:
+            print(f"from the present choice, point {start}:")
         print(choice_text(front, choice))
         print(f"kept in {place}")

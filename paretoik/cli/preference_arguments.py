@@ -9,7 +9,7 @@ from typing import Any
 
 from paretoik.errors import InvalidInput
 from paretoik.front.choice import Preference
-from paretoik.front.choices import read_choices
+from paretoik.front.choices import present_point, read_choices
 from paretoik.front.compromise import Compromise
 from paretoik.front.preferences import Aspiration, Bounds, Classify, Knee, Lexicographic, Robust, Weights
 from paretoik.front.preferences.point import Point
@@ -115,10 +115,7 @@ def parse_classes(text: str, start: int | None, run: Path) -> Classify:
         else:
             raise InvalidInput(f"classify: wanted of {name} {CLASSES}, got {kind!r}")
     if start is None:
-        chosen = read_choices(run).chosen
-        if chosen is None:
-            raise InvalidInput("classify: wanted a point to start from (--from ID), as the run has no choice yet")
-        start = chosen.point
+        start = present_point(read_choices(run), name="--from")
     return Classify(start, improve_to=values["improve"], relax_to=values["relax"], **lists)
 
 

@@ -95,7 +95,7 @@ def select(
     }
     wishes = {name: value for name, value in options.items() if value is not None and value is not False}
     if history or undo:
-        _show_history(run, wishes, undo=undo, as_json=as_json)
+        _show_history(run, wishes, undo=undo, problem=problem, as_json=as_json)
         return
     with stdout_for_results():
         if picture is not None:
@@ -121,16 +121,22 @@ def select(
         raise typer.Exit(exit_code(selected.provenance["status"]))
 
 
-def _show_history(run: Path, wishes: Mapping[str, object], *, undo: bool, as_json: bool) -> None:
+def _show_history(run: Path, wishes: Mapping[str, object], *, undo: bool, problem: str | None, as_json: bool) -> None:
     """Print the choices kept in a run, after going back by one where told; raises InvalidInput beside a preference."""
-    from paretoik.front.choices import go_back, read_choices
+    from paretoik.front.choices import read_choices
     from paretoik.run_files import RUN, read_run
 
     if wishes:
         raise InvalidInput(f"select: wanted --history and --undo without a preference, got --{next(iter(wishes))} too")
     read_run(run / RUN)
-    choices = go_back(run) if undo else read_choices(run)
+    if undo:
+        with stdout_for_results():
+            from paretoik.api.select import undo as go_back
+
+            choices = go_back(run, problem)
+    else:
+        choices = read_choices(run)
     if as_json:
         print_json(asdict(choices))
     else:
-        print(repr(choices))
+        print(choices.text)

@@ -33,8 +33,7 @@ def show(
     if not recording.is_file():
         raise InvalidInput(f"{recording}: wanted a recording, got {_contents(run)}")
     with tempfile.TemporaryDirectory(prefix="paretoik-show-") as folder:
-        layer = Path(folder) / "choice.rrd"
-        _open(recording, *_layers(run, recording, layer, point, compare, problem))
+        _open(recording, _with_choice(run, recording, Path(folder) / RECORDING, point, compare, problem))
 
 
 def _contents(run: Path) -> str:
@@ -46,35 +45,36 @@ def _contents(run: Path) -> str:
     return f"a run that holds {holds}{picture}"
 
 
-def _layers(
-    run: Path, recording: Path, layer: Path, point: int | None, compare: int | None, problem: str | None
-) -> list[str]:
-    """Write a layer with the points asked for, or the present choice; return it, nothing where there is none."""
+def _with_choice(
+    run: Path, recording: Path, file: Path, point: int | None, compare: int | None, problem: str | None
+) -> Path:
+    """Return the recording where no point is asked for or chosen; else write one that opens on it, and return that."""
     from paretoik.front.choices import read_choices
 
     if point is None and compare is None and read_choices(run).chosen is None:
-        return []
+        return recording
     from paretoik.api.load_front import load_front
     from paretoik.formulations.protocol import is_loop
-    from paretoik.front.choices import chosen
+    from paretoik.front.choices import pick_point
     from paretoik.front.compromise import compromise
-    from paretoik.review.drawing.choice_layer import write_choice_layer
+    from paretoik.review.drawing.chosen_recording import recording_with_choice
 
     front = load_front(run, problem)
     if is_loop(front):
         if point is not None or compare is not None:
             raise InvalidInput("point: a run with a front wanted, got a closed loop, whose only motion is shown anyhow")
-        return []
-    choice = (chosen(front) or compromise(front)) if point is None else front[point]
-    write_choice_layer(front, choice, layer, recording=recording, compare=None if compare is None else front[compare])
-    return [str(layer)]
+        return recording
+    choice = pick_point(front, point, name="--point", otherwise=compromise)
+    beside = None if compare is None else front[compare]
+    file.write_bytes(recording_with_choice(front, choice, recording=recording, compare=beside))
+    return file
 
 
-def _open(recording: Path, *layers: str) -> None:
-    """Open files in the viewer and wait for it; raises InvalidInput where it does not start."""
+def _open(recording: Path, file: Path) -> None:
+    """Open a recording, or a copy of it, in the viewer and wait for it; raises InvalidInput where it does not start."""
     from paretoik.review.recording.viewer import run_viewer
 
-    viewer = run_viewer(str(recording), *layers)  # without a screen it ends with an error
+    viewer = run_viewer(str(file))  # without a screen it ends with an error
     if viewer.returncode != 0:
         # The last line ends with the cause.
         message = (viewer.stderr.strip().splitlines() or [f"exit status {viewer.returncode}"])[-1].rsplit(": ", 1)[-1]

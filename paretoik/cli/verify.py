@@ -6,19 +6,20 @@ from dataclasses import asdict
 
 import typer
 
-from paretoik.cli.console import NOT_VERIFIED, JsonFlag, RunFolder, print_json, stdout_for_results
+from paretoik.api.progress_display import open_observer
+from paretoik.cli.console import NOT_VERIFIED, JsonFlag, QuietFlag, RunFolder, print_json, stdout_for_results
 from paretoik.cli.options import RunProblem
 
 
-def verify(run: RunFolder, problem: RunProblem = None, as_json: JsonFlag = False) -> None:
+def verify(run: RunFolder, problem: RunProblem = None, quiet: QuietFlag = False, as_json: JsonFlag = False) -> None:
     """Check files, motions, limits, collisions, objectives and certificates of a run, sharing no kernel with it.
 
     Exit code 7 where something fails.
     """
-    with stdout_for_results():
+    with stdout_for_results(), open_observer(not quiet) as observe:
         from paretoik.api.verify import verify as verify_folder
 
-        verification = verify_folder(run, problem)
+        verification = verify_folder(run, problem, observe=observe or False)
     if as_json:
         rows = [asdict(row) for row in verification.rows]
         print_json({"run": run, "passed": verification.passed, "rows": rows})

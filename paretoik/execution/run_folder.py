@@ -100,6 +100,13 @@ def _refusal(place: Path) -> AbstractContextManager[None]:
     return refusal(f"{place}: wanted a folder to write a run into")
 
 
+def check_no_run(folder: Path) -> None:
+    """Raise InvalidInput where a process runs in a folder, holding its lock."""
+    if (folder / LOCK).exists():
+        with _refusal(folder), (folder / LOCK).open("r+b") as lock:
+            _lock(lock, folder)
+
+
 def check_other_folder(name: str, folder: Path, *sources: Path | None) -> None:
     """Raise InvalidInput, by ``name``, where a folder is that of a run that what goes into it comes from."""
     if any(source is not None and source.resolve() == folder.resolve() for source in sources):

@@ -13,12 +13,14 @@ from paretoik.capability.actuation import Actuation, DistributedActuation
 from paretoik.errors import InvalidInput
 from paretoik.formulations.interpolation import possible_values
 from paretoik.formulations.navigation import navigate, predict
+from paretoik.formulations.problem_text import problem_text
 from paretoik.formulations.protocol import Individuals, decode
 from paretoik.front.front import Front
 from paretoik.nlp.program import Program, Solver
 from paretoik.pareto.cold_search import OPTIONS as COLD
 from paretoik.pareto.cold_search import StartSearch
 from paretoik.pareto.scalarisation import Observe
+from paretoik.tables import html_representation
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 
@@ -40,6 +42,9 @@ class DenseFormulation(Problem):  # type: ignore[misc]  # pymoo is not typed
     functions: MotionTask
     navigate = navigate
     predict = predict
+
+    __repr__ = __str__ = problem_text  # pymoo has a text of its own
+    _repr_html_ = html_representation
 
     def add_functions(self, task: MotionTask) -> None:
         """Add users' functions, the objectives and constraints of a task, to those that there are by name.

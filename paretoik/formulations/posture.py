@@ -14,10 +14,12 @@ from paretoik.closed_loop.control_step import rotation_rows
 from paretoik.closed_loop.open_loop import posture_bounds
 from paretoik.errors import InvalidInput
 from paretoik.formulations.closed_loop_arguments import check_limits
+from paretoik.formulations.problem_text import problem_text
 from paretoik.inputs import read_list
 from paretoik.robot.arm import Arm
 from paretoik.search.nsga2 import MaxiMinNSGA2
 from paretoik.search.row_operators import elitist_algorithm
+from paretoik.tables import html_representation
 from paretoik.task.evaluation import evaluate_motions, examine_functions
 from paretoik.task.limits import Constraint, Limits
 from paretoik.task.motion import Motion
@@ -60,6 +62,9 @@ class Posture(Problem):  # type: ignore[misc]  # pymoo is not typed
     InvalidInput
         Naming what cannot be used.
     """
+
+    __repr__ = __str__ = problem_text  # pymoo has a text of its own
+    _repr_html_ = html_representation
 
     def __init__(
         self,

@@ -29,7 +29,7 @@ class ControlTraces(Traces):
     cuts: Float[np.ndarray, "*batch"]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class TimeOptimalControl(Method):
     """Time-optimal control from the first position of a path to its last, the tool as fast as ``model`` allows.
 

@@ -102,7 +102,7 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
     navigate = navigate
     predict = predict
 
-    __repr__ = tracking_text
+    __repr__ = __str__ = tracking_text  # pymoo has a text of its own
     _repr_html_ = html_representation
 
     def __init__(

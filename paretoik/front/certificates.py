@@ -11,7 +11,9 @@ from jaxtyping import Float, Int
 
 from paretoik.arrays import Values
 from paretoik.errors import InvalidInput
+from paretoik.front.certificate_text import certificate_text
 from paretoik.inputs import shown
+from paretoik.tables import fit_screen, html_representation
 
 WEIGHT_TOLERANCE = 1e-6  # share of all objectives' weight below which a point may be only weakly optimal
 STATUSES = ("minimum", "saddle", "undetermined")
@@ -63,6 +65,13 @@ class Certificates:
 
     def __len__(self) -> int:
         return len(self.violation)
+
+    def __repr__(self) -> str:
+        """Return how many points have which status, the worst values, and what there is of each point."""
+        parts = " ".join(f".{part.name}" for part in fields(self))
+        return fit_screen(f"Certificates of {len(self)} points\n{certificate_text(self)}\nof each point {parts}")
+
+    _repr_html_ = html_representation
 
     def __getitem__(self, rows: Any) -> Certificates:
         return Certificates(**{part.name: getattr(self, part.name)[rows] for part in fields(self)})

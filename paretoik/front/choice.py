@@ -11,7 +11,7 @@ import numpy as np
 from paretoik.arrays import Values
 from paretoik.errors import InvalidInput
 from paretoik.inputs import shown
-from paretoik.tables import html_representation
+from paretoik.tables import field_representation, fit_screen, html_representation
 
 if TYPE_CHECKING:  # a front hands out choices
     from paretoik.front.front import Front
@@ -30,6 +30,9 @@ class Comparison:
     gains: Mapping[str, float]
     costs: Mapping[str, float]
 
+    __repr__ = field_representation
+    _repr_html_ = html_representation
+
 
 @dataclass(frozen=True, kw_only=True)
 class ExchangeRate:
@@ -47,6 +50,9 @@ class ExchangeRate:
     holds_to: int | None = None
     holds_for: float = 0.0
     fails_at: int | None = None
+
+    __repr__ = field_representation
+    _repr_html_ = html_representation
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -76,7 +82,7 @@ class Choice:
     jumps: tuple[tuple[int, int], ...] = ()
 
     def __repr__(self) -> str:
-        return f"Choice of point {self.id}: {self.reason}"
+        return fit_screen(f"Choice of point {self.id}: {self.reason}")
 
     _repr_html_ = html_representation
 

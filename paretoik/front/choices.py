@@ -8,7 +8,7 @@ back deletes nothing: what is chosen next becomes another branch.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
@@ -20,6 +20,7 @@ from paretoik.file_replacement import only_writer, replace_file
 from paretoik.front.choice import Choice, Preference
 from paretoik.front.subset import row_of
 from paretoik.run_files import CHOICES, RUN, check_digest, read_run, run_bytes, to_json
+from paretoik.tables import field_representation, fit_screen, html_representation
 
 if TYPE_CHECKING:  # a front keeps its choices here
     from paretoik.front.front import Front
@@ -52,6 +53,9 @@ class KeptChoice:
     time: str
     former: Mapping[str, Any] | None = None
 
+    __repr__ = field_representation
+    _repr_html_ = html_representation
+
 
 @dataclass(frozen=True, kw_only=True)
 class Choices:
@@ -69,7 +73,12 @@ class Choices:
         return len(self.entries)
 
     def __repr__(self) -> str:
-        """Return the tree, a line a choice, the present one marked."""
+        """Return the tree as far as a screen goes."""
+        return fit_screen(self.text)
+
+    @property
+    def text(self) -> str:
+        """The whole tree, a line a choice, the present one marked."""
         return "\n".join(self._lines()) or "no choice yet"
 
     def _lines(self) -> Iterator[str]:
@@ -107,8 +116,8 @@ def read_choices(folder: Path) -> Choices:
 
 def keep_choice(
     front: Front, choice: Choice, preference: Preference, *, former: Mapping[str, Any] | None = None
-) -> None:
-    """Append a choice to those in the front's run folder; its parent is the present one.
+) -> bool:
+    """Append a choice to those in the front's run folder; its parent is the present one. Say whether it is kept.
 
     Where the folder does not hold the chosen point (any more), or cannot be written, a warning says that the choice is
     not kept. Raises InvalidRun where the file of choices is damaged.
@@ -134,6 +143,8 @@ def keep_choice(
         raise
     except (InvalidInput, OSError) as fault:
         warnings.warn(f"the choice is not kept: {fault}", RuntimeWarning, stacklevel=3)
+        return False
+    return True
 
 
 def go_back(folder: Path, *, front: Front | None = None) -> Choices:
@@ -161,6 +172,38 @@ def chosen(front: Front) -> Choice | None:
     if entry is None:
         return None
     return replace(front[entry.point], reason=entry.reason)
+
+
+def present_point(choices: Choices, *, name: str) -> int:
+    """Return the id of the present choice's point; raises InvalidInput, by ``name``, where there is no choice."""
+    if choices.chosen is None:
+        raise InvalidInput(
+            f"{name}: wants the id of a point, or a choice that is kept (paretoik select RUN, front.select), "
+            "got neither"
+        )
+    return choices.chosen.point
+
+
+def pick_point(
+    front: Front, point: Choice | int | None, *, name: str, otherwise: Callable[[Front], Choice] | None = None
+) -> Choice:
+    """Return a point of a front: the one that is named, or else the present choice, or the only one there is.
+
+    Where there is no choice either, ``otherwise`` is asked. Raises InvalidInput, by ``name``, for points that the front
+    does not have, and where there is none to pick.
+    """
+    if point is not None:
+        return front[int(front.ids[row_of(front, getattr(point, "id", point), name=name)])]
+    choice = chosen(front)
+    if choice is None and otherwise is not None:
+        choice = otherwise(front)
+    return choice or front[present_id(front, name=name)]
+
+
+def present_id(front: Front, *, name: str) -> int:
+    """Return the id of a front's present choice, or of its only point; raises InvalidInput, by ``name``, for none."""
+    choices = front.choices
+    return int(front.ids[0]) if choices.chosen is None and len(front) == 1 else present_point(choices, name=name)
 
 
 def preference_data(preference: Preference) -> dict[str, Any]:

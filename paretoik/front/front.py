@@ -45,7 +45,7 @@ from paretoik.inputs import (
     real_number,
     shown,
 )
-from paretoik.tables import html_representation
+from paretoik.tables import fit_screen, html_representation
 
 if TYPE_CHECKING:  # files and preferences are opened when they are used
     from paretoik.front.choices import Choices
@@ -114,10 +114,10 @@ class Front:
         return len(self.ids)
 
     def __repr__(self) -> str:
-        """Return one line: how many points, between what values each objective lies, what further points could add."""
+        """Return how many points, between what values each objective lies, what further points could add."""
         points = "1 point" if len(self) == 1 else f"{len(self)} points"
         if len(self) == 0:
-            return f"Front of {points}: {', '.join(self.names)}"
+            return fit_screen(f"Front of {points}: {', '.join(self.names)}")
         ranges = (
             f"{name} {low:.4g} to {high:.4g} {unit}".rstrip() + (" (maximised)" if maximised else "")
             for name, unit, maximised, low, high in zip(
@@ -128,7 +128,7 @@ class Front:
         further = (
             "" if missing is None else f"; further points could add about {100 * missing:.2g} % of the hypervolume"
         )
-        return f"Front of {points}: {', '.join(ranges)}{further}"
+        return fit_screen(f"Front of {points}: {', '.join(ranges)}{further}")
 
     _repr_html_ = html_representation
 

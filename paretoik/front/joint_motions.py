@@ -7,6 +7,8 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
+from paretoik.tables import field_representation, html_representation
+
 
 @runtime_checkable
 class JointMotions(Protocol):
@@ -43,6 +45,9 @@ class StoredMotions:
     arm: StoredJoints
     time: np.ndarray
     q: np.ndarray
+
+    __repr__ = field_representation
+    _repr_html_ = html_representation
 
     def __len__(self) -> int:
         return len(self.q)

@@ -54,7 +54,7 @@ class NavigationRequest:
 
 def navigate(
     front: Front,
-    choice: Choice | int,
+    choice: Choice | int | None = None,
     *,
     improve: str,
     allow: str | Sequence[str] | None = None,
@@ -70,7 +70,7 @@ def navigate(
     Parameters
     ----------
     choice
-        The point to move from: a choice, or an id.
+        The point to move from: a choice, or an id; by default the present choice of the front's run.
     improve
         The objective that gets better: ``by`` so much, or ``to`` a value, in its own unit. By default by 5 % of its
         range, or half of what remains to its best value on the front if that is less.
@@ -99,7 +99,7 @@ def navigate(
 
 def predict(
     front: Front,
-    choice: Choice | int,
+    choice: Choice | int | None = None,
     *,
     improve: str,
     allow: str | Sequence[str] | None = None,
@@ -125,7 +125,7 @@ def predict(
     return prediction
 
 
-def refine_around(front: Front, choice: Choice | int, *, points: int = DEFAULTS.points) -> Front:
+def refine_around(front: Front, choice: Choice | int | None = None, *, points: int = DEFAULTS.points) -> Front:
     """Return the front with up to so many new certified points around one of its points.
 
     Every objective in turn is improved by even shares of the way to the nearest point that is better in it, all others
@@ -187,7 +187,7 @@ def _part(front: Front, verb: str, part: str | None = None) -> Callable[[Front, 
 def _request(
     front: Front,
     verb: str,
-    choice: Choice | int,
+    choice: Choice | int | None,
     improve: str,
     allow: str | Sequence[str] | None,
     hold: str | Sequence[str],
@@ -257,9 +257,12 @@ def _check_not_at_end(front: Front, row: int, axis: int, payers: Sequence[int]) 
         )
 
 
-def _critical_row(front: Front, choice: Choice | int, verb: str) -> int:
-    """Return the row of a choice that is certified as critical."""
-    row = row_of(front, getattr(choice, "id", choice), name=verb)
+def _critical_row(front: Front, choice: Choice | int | None, verb: str) -> int:
+    """Return the row of a choice, by default the present one, that is certified as critical."""
+    from paretoik.front.choices import present_id
+
+    id = present_id(front, name=verb) if choice is None else getattr(choice, "id", choice)
+    row = row_of(front, id, name=verb)
     if front.certificates is None:
         raise InvalidInput(f"{verb}: wants a front with certificates, such as refine(front), got one without")
     residual = float(front.certificates.kkt_residual[row])

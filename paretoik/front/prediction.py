@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from paretoik.arrays import Values
-from paretoik.tables import html_representation
+from paretoik.tables import fit_screen, html_representation
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -27,6 +27,6 @@ class Prediction:
             f"{name} {value:.4g} {unit}".rstrip()
             for name, value, unit in zip(self.names, self.objectives, self.units, strict=True)
         )
-        return f"Prediction, not certified: {', '.join(values)}"
+        return fit_screen(f"Prediction, not certified: {', '.join(values)}")
 
     _repr_html_ = html_representation

@@ -9,6 +9,7 @@ import numpy as np
 
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.front.choice import Choice, Preference
+from paretoik.front.viewing import show_choice
 from paretoik.inputs import check_flag
 
 if TYPE_CHECKING:  # a front asks this file for its choices
@@ -20,8 +21,9 @@ def select(front: Front, preference: Preference | str | Mapping[str, float] | in
 
     ``preference`` is one of those of ``paretoik`` or your own (``Preference``); "knee" and "compromise" stand for
     ``Knee()`` and ``Compromise()``, numbers by objective for ``Weights``, an integer for the point with that id.
-    A front with a run ``folder`` keeps the choice there, in choices.json (``choices``), unless ``keep`` is False or
-    it is the motion of a closed loop that was followed anew.
+    A front with a run ``folder`` keeps the choice there, in choices.json (``choices``), and has its recording,
+    review.rrd, open on it, unless ``keep`` is False or it is the motion of a closed loop that was followed anew. A
+    recording that cannot be replaced is left as it is, with a warning; the choice is kept.
 
     Raises Infeasible where the front is empty or no point suits, and InvalidInput for other preferences.
     """
@@ -35,8 +37,8 @@ def select(front: Front, preference: Preference | str | Mapping[str, float] | in
     of_problem: Callable[[Front, Preference], Choice] | None = getattr(front.problem, "select", None)
     choice = ask(wish, front) if of_problem is None else of_problem(front, wish)
     is_known = np.array_equal(choice.objectives, front.objectives[choice.index])  # no loop that was followed anew
-    if keep and is_known and front.folder is not None:
-        keep_choice(front, choice, wish)
+    if keep and is_known and front.folder is not None and keep_choice(front, choice, wish):
+        show_choice(front)
     return choice
 
 
@@ -51,4 +53,5 @@ def undo(front: Front) -> Choice | None:
     if front.folder is None:
         raise InvalidInput("undo: wants a front that was loaded from a run folder or saved into one")
     go_back(front.folder, front=front)
+    show_choice(front)
     return chosen(front)

@@ -7,11 +7,14 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, Literal
 
 from paretoik.arrays import Ids
+from paretoik.run_files import RECORDING
 
 if TYPE_CHECKING:
     from paretoik.front.front import Front
 
-OPENED_BY = "paretoik.review.drawing.front_view:open_view"  # by name, as this package knows nothing of those that draw
+# By name, as this package knows nothing of those that draw.
+OPENED_BY = "paretoik.review.drawing.front_view:open_view"
+RECORDED_BY = "paretoik.review.drawing.chosen_recording:show_choice_in_recording"
 
 
 def view(
@@ -49,5 +52,16 @@ def view(
     Infeasible
         For an empty front.
     """
-    module, _, name = OPENED_BY.partition(":")
-    return getattr(import_module(module), name)(front, on_select=on_select, width=width, height=height)
+    return drawn_by(OPENED_BY)(front, on_select=on_select, width=width, height=height)
+
+
+def show_choice(front: Front) -> None:
+    """Let the recording of a front's run, if there is one, open on the present choice."""
+    if front.folder is not None and (front.folder / RECORDING).exists():
+        drawn_by(RECORDED_BY)(front)
+
+
+def drawn_by(reference: str) -> Any:
+    """Return the function that "module:name" stands for."""
+    module, _, name = reference.partition(":")
+    return getattr(import_module(module), name)

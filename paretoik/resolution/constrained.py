@@ -14,6 +14,7 @@ from paretoik.resolution.methods import ConstrainedQP, Criterion
 from paretoik.resolution.rate_limits import KINDS, RateLimits, intersection
 from paretoik.resolution.step_program import StepProgram, step_program
 from paretoik.resolution.traces import DONE, LIMITED, MISSED, Traces
+from paretoik.tables import field_representation, html_representation
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import OPTIONS, row_scales
 
@@ -29,6 +30,9 @@ class ConstrainedTraces(Traces):
     """
 
     active: Shaped[np.ndarray, "*batch steps limits"]
+
+    __repr__ = field_representation
+    _repr_html_ = html_representation
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -11,6 +11,7 @@ from jaxtyping import Float, Shaped
 
 from paretoik.errors import InvalidInput
 from paretoik.inputs import check_choice, check_text, finite_array, read_list, shown
+from paretoik.tables import field_representation, html_representation
 from paretoik.task.objectives import Objective
 
 if TYPE_CHECKING:
@@ -112,9 +113,12 @@ def number(
     return {"below": below, "search": search, "scale": scale}
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Method:
     """A way to resolve one motion, or a batch of them where its numbers are arrays; ``resolve`` takes any."""
+
+    __repr__ = field_representation
+    _repr_html_ = html_representation
 
     def __post_init__(self) -> None:
         for each in fields(self):

@@ -45,7 +45,7 @@ Gradient = TypeVar("Gradient", bound="GradientProjection")
 Weighted = TypeVar("Weighted", bound="WeightedGradientProjection")
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class VelocityMethod(Method):
     """Task velocities with ``feedback`` [1/s] of the tracking error, by default 1/Δt: more would overshoot.
 
@@ -71,12 +71,12 @@ class VelocityMethod(Method):
         return (Parameter("feedback", 0.02 * highest, highest), *super().parameters(times))
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class PseudoInverse(VelocityMethod):
     """The least joint velocities that do the task: q̇ = J⁺v. It refuses singular postures. Source: Whitney 1969."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class LeastSquaresVelocity(PseudoInverse):
     """The pseudoinverse without feedback, by Euler steps: what the error of a step was, stays.
 
@@ -86,7 +86,7 @@ class LeastSquaresVelocity(PseudoInverse):
     feedback: Number | None = 0.0
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class DampedLeastSquares(VelocityMethod):
     """Near singular postures velocities are damped and the task gives way: ρ² = ρ_max²(1 − (σ_min/ε)²), σ_min < ε.
 
@@ -98,7 +98,7 @@ class DampedLeastSquares(VelocityMethod):
     damping: Number = field(default=0.02, metadata=number(search=(1e-3, 1e-1), scale="log"))
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class WeightedLeastNorm(DampedLeastSquares):
     """Joints are slowed as they come nearer to their position limits, and free as they leave.
 
@@ -107,7 +107,7 @@ class WeightedLeastNorm(DampedLeastSquares):
     """
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class GradientProjection(DampedLeastSquares):
     """The gradients of criteria, times their gains, projected onto what the task leaves free.
 
@@ -145,7 +145,7 @@ class GradientProjection(DampedLeastSquares):
         )
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class WeightedGradientProjection(GradientProjection):
     """Joints near position limits are clamped and repelled; criteria count where they are bad.
 
@@ -193,7 +193,7 @@ class WeightedGradientProjection(GradientProjection):
         return replace(method, priorities=np.stack(columns, axis=-1))
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class ConstrainedQP(GradientProjection):
     """The step of gradient projection that is nearest within limits: a quadratic program of joint rates.
 
@@ -218,7 +218,7 @@ class ConstrainedQP(GradientProjection):
                 raise InvalidInput(f"ConstrainedQP: positive joint_weights wanted, got {weights.min():g}")
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Nedungadi(Method):
     """The motion along which the kinetic energy's integral is stationary, from the start on: exact, not by steps.
 

@@ -23,6 +23,7 @@ from paretoik.resolution.method import broadcast_shape
 from paretoik.resolution.predictive_kinetic_energy import PredictiveKineticEnergy
 from paretoik.resolution.step_program import step_program
 from paretoik.resolution.traces import ResolvedMotion, Traces, empty_traces
+from paretoik.tables import field_representation, html_representation
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective
 from paretoik.task.retraction import retract_nearest
@@ -43,6 +44,9 @@ class PredictiveTraces(Traces):
     converged: Bool[np.ndarray, "*batch updates"]
     iterations: Int[np.ndarray, "*batch updates"]
     seconds: Float[np.ndarray, "*batch updates"]
+
+    __repr__ = field_representation
+    _repr_html_ = html_representation
 
     @property
     def evaluations(self) -> Float[np.ndarray, "*batch"]:

@@ -17,7 +17,7 @@ from paretoik.task.objectives import Objective, kinetic_energy
 Predictive = TypeVar("Predictive", bound="PredictiveKineticEnergy")
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class PredictiveKineticEnergy(Method):
     """The null space of the task is used to minimise the kinetic energy over a few samples ahead.
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Shaped
 
+from paretoik.tables import field_representation, html_representation
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 
@@ -38,6 +39,9 @@ class Traces:
     projected: Float[np.ndarray, "*batch steps criteria dof"]
     status: Shaped[np.ndarray, "*batch steps"]
 
+    __repr__ = field_representation
+    _repr_html_ = html_representation
+
     def __getitem__(self, index: Any) -> Traces:
         return type(self)(**{each.name: np.asarray(getattr(self, each.name)[index]) for each in fields(self)})
 
@@ -47,6 +51,13 @@ class ResolvedMotion(Motion):
     """A motion (*batch, time, dof) that a method resolved, and its ``traces``."""
 
     traces: Traces
+
+    def __repr__(self) -> str:
+        """Return the motion in words, and how many steps ended how."""
+        status, counts = np.unique(self.traces.status, return_counts=True)
+        steps = ", ".join(f"{count} {name}" for name, count in zip(status, counts, strict=True))
+        largest = np.abs(self.traces.errors).max(initial=0.0)
+        return f"{super().__repr__()}\nsteps: {steps}; largest error of the task {largest:.2g}; more in .traces"
 
     def __getitem__(self, index: Any) -> ResolvedMotion:
         motion = super().__getitem__(index)

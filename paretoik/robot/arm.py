@@ -41,7 +41,7 @@ from paretoik.robot.body import Body, combine_bodies, transform_body
 from paretoik.robot.denavit_hartenberg import joint_placements
 from paretoik.robot.frame import Frame
 from paretoik.robot.pose import Pose, check_pose, matrix_to_quaternion, pose_batch
-from paretoik.tables import html_representation
+from paretoik.tables import fit_screen, html_representation
 
 EARTH_GRAVITY = (0.0, 0.0, -9.81)  # m/s²
 
@@ -91,7 +91,7 @@ class Arm:
         return read_only(np.array([joint_type != "prismatic" for joint_type in self.joint_types]))
 
     def __repr__(self) -> str:
-        return f"Arm({self.name!r}, {self.dof} joints: {', '.join(self.joint_names)})"
+        return fit_screen(f"Arm({self.name!r}, {self.dof} joints: {', '.join(self.joint_names)})")
 
     _repr_html_ = html_representation
 

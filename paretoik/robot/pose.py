@@ -14,6 +14,7 @@ from jaxtyping import Float
 
 from paretoik.errors import InvalidInput
 from paretoik.inputs import ArrayLike, check_angles, finite_array, finite_number, shown
+from paretoik.tables import field_representation, html_representation
 
 UNIT_TOLERANCE = 1e-6  # a quaternion or a rotation matrix this near to orthonormal is normalised
 
@@ -35,6 +36,9 @@ class Pose:
 
     position: Float[np.ndarray, "*batch 3"]
     quaternion: Float[np.ndarray, "*batch 4"]
+
+    __repr__ = field_representation
+    _repr_html_ = html_representation
 
     def __init__(self, position: ArrayLike, quaternion: ArrayLike = (1.0, 0.0, 0.0, 0.0)) -> None:
         coordinates = finite_array("pose position", position, shape=(3,))

@@ -24,6 +24,7 @@ from paretoik.robot.pose import Pose
 from paretoik.robot.urdf_chain import Chain, find_zero_limits, select_chain
 from paretoik.robot.urdf_description import JointDescription, RobotDescription
 from paretoik.robot.urdf_reading import read_robot
+from paretoik.tables import fit_screen, html_representation
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,6 +35,18 @@ class RobotReport:
     faults: tuple[str, ...]
     warnings: tuple[str, ...]
     summary: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        return fit_screen(report_text(self))
+
+    _repr_html_ = html_representation
+
+
+def report_text(report: RobotReport) -> str:
+    """Return the summary of a URDF, then warnings and faults, each a line."""
+    lines = [*report.summary, *(f"warning: {line}" for line in report.warnings)]
+    lines += [f"fault: {line}" for line in report.faults] or ["no faults"]
+    return "\n".join(lines)
 
 
 def check_robot(file: str | Path, base: str | None = None, tip: str | None = None) -> RobotReport:

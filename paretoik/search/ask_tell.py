@@ -20,6 +20,7 @@ from paretoik.search.maximin import column, survivors
 from paretoik.search.nsga2 import MaxiMinNSGA2
 from paretoik.search.objectives import describe_objectives
 from paretoik.search.seeding import SMALLEST_POPULATION, check_algorithm, check_problem, checked_genes
+from paretoik.tables import field_representation, html_representation
 
 if TYPE_CHECKING:
     from paretoik.front import Front
@@ -32,6 +33,9 @@ class Candidates:
     ids: Ids
     X: Genes
     generation: int
+
+    __repr__ = field_representation
+    _repr_html_ = html_representation
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,6 +114,11 @@ class Search:
         self._infills: Any = None
         self._outcome: Outcome | None = None
         self._evaluated: Mask = np.zeros(0, dtype=bool)
+
+    def __repr__(self) -> str:
+        return (
+            f"Search of {type(self.problem).__name__}: generation {self._generation}, {self._evaluations} evaluations"
+        )
 
     @property
     def seed(self) -> int:

@@ -200,6 +200,9 @@ class MaxiMin(Survival):  # type: ignore[misc]  # pymoo has no types
         self.tolerance = tolerance
         self.equality_tolerance = equality_tolerance
 
+    def __repr__(self) -> str:
+        return "MaxiMin()" if self.ranges is None else f"MaxiMin(ranges={self.ranges.tolist()})"
+
     def _do(self, problem: Any, pop: Any, *args: Any, n_survive: int, **kwargs: Any) -> Any:
         if self.ranges is not None and self.ranges.shape[1] != problem.n_obj:
             raise InvalidInput(f"ranges: {problem.n_obj} objectives wanted, got {self.ranges.shape[1]}")

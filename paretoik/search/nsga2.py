@@ -83,6 +83,9 @@ class MaxiMinNSGA2(GeneticAlgorithm):  # type: ignore[misc]  # pymoo has no type
         self._branchwise = branchwise
         self._operators: Operators | None = None  # of genes that are no real numbers
 
+    def __repr__(self) -> str:
+        return f"MaxiMinNSGA2(pop_size={self.pop_size})"
+
     def setup(self, problem: Any, **options: Any) -> Any:
         """Prepare for a problem; the options are pymoo's (seed, termination, callback, verbose, ...)."""
         check_sizes(problem)

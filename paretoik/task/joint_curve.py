@@ -21,6 +21,7 @@ from paretoik.autodiff.evaluator import Evaluator, compile_evaluator
 from paretoik.autodiff.tape import Tape, as_entry
 from paretoik.robot.arm import Arm
 from paretoik.robot.scales import joint_scales
+from paretoik.tables import field_representation, html_representation
 from paretoik.task.retraction import OPTIONS
 from paretoik.task.task import Task, path_equations, path_jacobian
 
@@ -34,6 +35,12 @@ class JointState(NamedTuple):
     q: JointPaths
     dq: JointPaths
     ddq: JointPaths
+
+    def __repr__(self) -> str:
+        return field_representation(self)
+
+    def _repr_html_(self) -> str:
+        return html_representation(self)
 
 
 def interpolate(q: JointPaths, time: Series, t: Times, *, cyclic: bool, order: int = 0) -> JointPaths:

@@ -24,6 +24,7 @@ from paretoik.inputs import (
 )
 from paretoik.robot.arm import Arm, check_arm
 from paretoik.robot.scales import characteristic_length, joint_scales
+from paretoik.tables import field_representation, html_representation
 from paretoik.task.motion import Motion
 from paretoik.task.objectives import Form, Function, check_form, evaluate_function
 
@@ -61,6 +62,9 @@ class Limits:
     power: object = None
     clearance: float = 0.0
     margin: float = 0.0
+
+    __repr__ = field_representation
+    _repr_html_ = html_representation
 
     def __post_init__(self) -> None:
         for kind in LIMITED:

@@ -15,7 +15,7 @@ from paretoik.inputs import check_flag, finite_array, real_array
 from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arm import Arm
 from paretoik.robot.scales import joint_scales
-from paretoik.tables import html_representation
+from paretoik.tables import fit_screen, html_representation
 from paretoik.task.curves import CLOSURE_TOLERANCE
 from paretoik.task.differences import (
     Differences,
@@ -82,7 +82,7 @@ class Motion:
         return len(self.q)
 
     def __repr__(self) -> str:
-        return motion_text(self)
+        return fit_screen(motion_text(self))
 
     _repr_html_ = html_representation
 

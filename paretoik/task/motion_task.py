@@ -13,6 +13,7 @@ from paretoik.arrays import JointPaths, Times
 from paretoik.errors import Infeasible
 from paretoik.robot.arm import Arm
 from paretoik.robot.scales import characteristic_length
+from paretoik.tables import field_representation, html_representation
 from paretoik.task.between import finer_motion
 from paretoik.task.differences import Differences, quadrature_weights, simpson_weights, with_midpoints
 from paretoik.task.distances import closest_pair
@@ -44,6 +45,9 @@ class MotionTask:
     ends_at_rest: bool
     cyclic: bool
     differences: Differences
+
+    __repr__ = field_representation
+    _repr_html_ = html_representation
 
     @property
     def times(self) -> Times:

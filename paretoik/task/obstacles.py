@@ -12,6 +12,7 @@ from paretoik.arrays import Vector3
 from paretoik.errors import InvalidInput
 from paretoik.inputs import ArrayLike, finite_array, positive_number
 from paretoik.robot.pose import Pose, check_pose
+from paretoik.tables import field_representation, html_representation
 
 
 @dataclass(frozen=True, init=False, eq=False)
@@ -20,6 +21,9 @@ class Circle:
 
     center: Float[np.ndarray, " 2"]
     radius: float
+
+    __repr__ = field_representation
+    _repr_html_ = html_representation
 
     def __init__(self, center: ArrayLike, radius: float) -> None:
         _freeze(
@@ -35,6 +39,9 @@ class Sphere:
 
     center: Vector3
     radius: float
+
+    __repr__ = field_representation
+    _repr_html_ = html_representation
 
     def __init__(self, center: ArrayLike, radius: float) -> None:
         _freeze(
@@ -52,6 +59,9 @@ class Capsule:
     end: Vector3
     radius: float
 
+    __repr__ = field_representation
+    _repr_html_ = html_representation
+
     def __init__(self, start: ArrayLike, end: ArrayLike, radius: float) -> None:
         first = finite_array("capsule start", start, shape=(3,))
         last = finite_array("capsule end", end, shape=(3,))
@@ -68,6 +78,9 @@ class Box:
 
     pose: Pose
     half_sizes: Float[np.ndarray, " axes"]
+
+    __repr__ = field_representation
+    _repr_html_ = html_representation
 
     def __init__(self, center: Pose | ArrayLike, half_sizes: ArrayLike) -> None:
         sizes = finite_array("box half_sizes", half_sizes)

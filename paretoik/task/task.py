@@ -26,6 +26,7 @@ from paretoik.robot.frame import Frame
 from paretoik.robot.kinematics import LinkFrames, frame_components, jacobian_components, link_frames
 from paretoik.robot.pose import quaternion_to_matrix, rotation_vector
 from paretoik.task.orientation_error import SINE_TOLERANCE, axis_times_sine, orientation_error
+from paretoik.tables import field_representation, html_representation
 from paretoik.task.path import Path
 
 Components: TypeAlias = Sequence[Component]
@@ -48,6 +49,9 @@ class Task:
     path: Path
     frame: str = "tool"
     axes: Axes | None = None
+
+    __repr__ = field_representation
+    _repr_html_ = html_representation
 
     def __post_init__(self) -> None:
         check_instance("path", self.path, Path, "a Path", example="pk.line(...)")

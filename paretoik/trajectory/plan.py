@@ -19,7 +19,7 @@ from paretoik.nlp.solutions import CONVERGED, INTERRUPTED, STATUSES, Solutions, 
 from paretoik.pareto.warm_start import insert_best, minimise_from
 from paretoik.self_motion.branches import branch_labels
 from paretoik.stop_flag import Interrupted
-from paretoik.tables import columns, html_representation
+from paretoik.tables import columns, field_representation, fit_screen, html_representation
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.infeasibility import (
@@ -57,6 +57,9 @@ class Optimum:
     status: str
     violation_between: float
 
+    __repr__ = field_representation
+    _repr_html_ = html_representation
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Plan:
@@ -82,7 +85,7 @@ class Plan:
         for place, each in enumerate(self.optima):
             rows.append((str(place), f"{each.objective:.6g}", each.label, each.status, f"{each.violation_between:.1e}"))
         count = "1 optimum" if len(self.optima) == 1 else f"{len(self.optima)} distinct optima"
-        return f"Plan of {count}\n{columns(rows)}\nhas .best.motion, .optima"
+        return fit_screen(f"Plan of {count}: .optima, .best.motion\n{columns(rows)}")
 
     _repr_html_ = html_representation
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Callable, Iterator
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -19,11 +19,15 @@ from paretoik.verification.resolution_checks import check_resolution
 from paretoik.verification.run_contents import RunContents
 from paretoik.verification.table_checks import check_tables
 
+Show: TypeAlias = Callable[[int, int], object]  # is told how many points are checked, of how many
 
-def verify_run(run: RunContents, problem: Any, *, reason: str = "", same: bool | None = None) -> Verification:
+
+def verify_run(
+    run: RunContents, problem: Any, *, reason: str = "", same: bool | None = None, show: Show | None = None
+) -> Verification:
     """Return what is right and wrong with a run; ``problem`` is None, for a ``reason``, where it is not at hand.
 
-    ``same`` says whether its fingerprint is the run's, None where that cannot be told.
+    ``same`` says whether its fingerprint is the run's, None where that cannot be told; ``show`` learns what is done.
     """
     import_pinocchio()
     rows = [*run.checks]
@@ -44,7 +48,7 @@ def verify_run(run: RunContents, problem: Any, *, reason: str = "", same: bool |
         elif problem is None:
             rows.append(leave_out("motions against the problem", reason or "the problem is not at hand"))
         else:
-            rows += _collect(_check_motions(run, problem))
+            rows += _collect(_count_points(_check_motions(run, problem), len(run.ids), show))
     return Verification(folder=str(run.folder), rows=tuple(rows))
 
 
@@ -61,6 +65,18 @@ def _collect(checks: Iterator[Check]) -> list[Check]:
         line = (str(fault).splitlines() or [""])[0]
         rows.append(demand("files", False, f"a check cannot be made of what they hold: {type(fault).__name__}: {line}"))
     return rows
+
+
+def _count_points(checks: Iterator[Check], total: int, show: Show | None) -> Iterator[Check]:
+    """Yield checks, which come point by point, and show how many points all checks were made of."""
+    seen = set[int]()
+    for each in checks:
+        yield each
+        if show is not None and each.point is not None and each.point not in seen:
+            show(len(seen), total)
+            seen.add(each.point)
+    if show is not None and seen:
+        show(len(seen), total)
 
 
 def _check_motions(run: RunContents, problem: Any) -> Iterator[Check]:

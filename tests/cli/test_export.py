@@ -79,14 +79,14 @@ def test_the_present_choice_is_written_where_no_point_is_named(paretoik, finishe
     chosen = load_front(run).select("compromise")
     ended = paretoik("export", run, "--rate", "50")
     assert ended.code == 0
-    assert ended.out.startswith(f"{run / f'point-{chosen.id}.csv'}: point {chosen.id}, ")
+    assert ended.out.startswith(f"{run / f'point-{chosen.id}.csv'}: point {chosen.id} (the present choice), ")
 
 
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ((), "error: --point: the id of a point wanted, got none"),
-        (("--point", "99999"), "error: front: "),
+        ((), "error: --point: wants the id of a point, or a choice that is kept (paretoik select RUN"),
+        (("--point", "99999"), "error: --point: wanted ids of its points ("),
         (("--point", "FIRST", "--controller", "franka"), "error: controller panda: wants the joints panda_joint1"),
         (("--point", "FIRST", "--rate", "50", "--joints", "a,b"), "got 'a', which is none of them"),
     ],

@@ -7,6 +7,7 @@ import pytest
 
 import paretoik as pk
 from paretoik.api.load_front import load_front
+from paretoik.errors import InvalidInput
 from paretoik.execution.run_folder import LOCK
 from paretoik.loading import load_problem
 from paretoik.run_files import CHOICES
@@ -87,6 +88,36 @@ def test_the_run_itself_is_no_other_folder(paretoik, run):
     assert ended.code == 2
     assert "out: wants another folder than that of the run" in ended.err
     assert (run / "run.json").read_bytes() == before
+
+
+def test_without_a_point_it_moves_from_the_present_choice_and_says_which(paretoik, run):
+    front = load_front(run)
+    first, second = (int(id) for id in front.ids[[2, 3]])
+    for id in (first, second):
+        front.select(id)
+    ended = paretoik("navigate", run, "--improve", "kinetic_energy")
+    assert ended.code == 0
+    assert ended.out.startswith(f"from the present choice, point {second}:\n")
+    assert f"From point {second} to " in ended.out
+    assert load_front(run).choices.chosen.point == second
+
+
+def test_without_a_point_and_a_choice_it_says_what_to_do(paretoik, run):
+    ended = paretoik("navigate", run, "--improve", "kinetic_energy")
+    assert ended.code == 2
+    assert "wants the id of a point, or a choice that is kept (paretoik select RUN" in ended.err
+
+
+def test_in_python_moves_begin_at_the_present_choice_too(run):
+    front = load_front(run)
+    with pytest.raises(InvalidInput, match="navigate: wants the id of a point, or a choice that is kept"):
+        front.navigate(improve="kinetic_energy")
+    choice = front.select(middle(run))
+    by_default, by_name = (front.navigate(*point, improve="kinetic_energy") for point in ((), (choice,)))
+    assert np.array_equal(by_default.navigated.objectives, by_name.navigated.objectives)
+    predictions = [front.predict(*point, improve="kinetic_energy") for point in ((), (choice,))]
+    assert np.array_equal(*(each.objectives for each in predictions))
+    assert np.array_equal(*(front.refine_around(*point, points=1).ids for point in ((), (choice,))))
 
 
 def test_a_run_without_certificates_says_what_it_needs(paretoik, finished):

@@ -78,7 +78,7 @@ def test_thousands_of_choices_are_written_as_a_tree(kept):
     entries += [replace(first, id=id, parent=parent) for id, parent in ((3001, 1), (3002, None), (3003, 3002))]
     content = {"entries": [asdict(entry) for entry in entries], "current": 3001}
     (kept.folder / CHOICES).write_bytes(run_bytes(content))
-    lines = repr(kept.choices).splitlines()
+    lines = kept.choices.text.splitlines()
     assert [line.split(".")[0] for line in lines] == [
         "  1",
         *(f"    {id}" for id in range(2, 3002)),

@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 
+from paretoik.review.drawing.recorded_views import ROOTS
+
 TIMELINES = (
     *("generation", "motion", "replay", "point", "step", "individual", "level", "refinement"),
     *("start", "optimum", "solution", "direction"),
@@ -41,9 +43,20 @@ def rows(batches: list, timeline: str, component: str) -> dict[int, np.ndarray]:
 
 
 def views(file: Path) -> dict[str, str]:
-    """Return the origin of each view of the layout, by its name and place."""
+    """Return the origin of each view of the layout that it opens with, by its name and place."""
+    layouts = [_views(file, number) for number in range(len(rr.chunk.RrdReader(file).blueprints()))]
+    # Where something was chosen the layout before that is kept.
+    (opening,) = [each for each in layouts if any(map(_of_choice, each.values()))] or layouts
+    return opening
+
+
+def _of_choice(origin: str) -> bool:
+    return origin.split("/")[1] in ROOTS
+
+
+def _views(file: Path, number: int) -> dict[str, str]:
     reader = rr.chunk.RrdReader(file)
-    (layout,) = reader.blueprints()
+    layout = reader.blueprints()[number]
     origins = {}
     for chunk in reader.stream(store=layout):
         batch = chunk.to_record_batch()

@@ -1,15 +1,12 @@
-"""A chosen motion, or two beside each other, as a small layer over the recording of a run.
+"""A chosen motion, or two beside each other, as a layer over the recording of a run.
 
-The layer has the recording's identity, so that a viewer that opens both files shows them as one, and a layout of its
-own, which has the recording's views as a second tab. The recording itself is not touched.
+It has a layout of its own, in which the recording's views are a second tab.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
-from typing import Literal
 
 import numpy as np
 import rerun as rr
@@ -24,7 +21,7 @@ from paretoik.review.drawing.legend_entries import choice_entries
 from paretoik.review.drawing.motion_scene import NO_TIMES, MotionScene
 from paretoik.review.drawing.parallel_axes import ParallelAxes
 from paretoik.review.drawing.point_text import choice_text
-from paretoik.review.drawing.recorded_views import RecordedRun, read_recorded, recorded_tab
+from paretoik.review.drawing.recorded_views import ROOTS, RecordedRun, recorded_tab
 from paretoik.review.drawing.recording_layout import choice_blueprint
 from paretoik.review.drawing.replay_clock import is_moving
 from paretoik.review.drawing.search_scene import SearchScene
@@ -33,26 +30,6 @@ from paretoik.review.palette import SCREEN
 from paretoik.review.recording.recorded_end import chosen_point
 from paretoik.review.recording.recorded_point import RecordedPoint, record_motion
 from paretoik.review.recording.workcell import Workcell, workcell_of_front
-
-ROOTS: tuple[Literal["choice", "compared"], ...] = ("choice", "compared")
-
-
-def write_choice_layer(
-    front: Front, choice: Choice, file: Path, *, recording: Path, compare: Choice | None = None
-) -> None:
-    """Write the layer that shows a choice of a front, beside it another one, over the ``recording`` of its run.
-
-    Raises InvalidInput where the recording cannot be read.
-    """
-    recorded = read_recorded(recording)
-    choices = (choice,) if compare is None else (choice, compare)
-    layer = ChoiceLayer(front=front, choices=choices, recorded=recorded)
-    stream = rr.RecordingStream(recorded.application, recording_id=recorded.identity, send_properties=False)
-    stream.save(file)
-    layer.log(stream)
-    stream.send_blueprint(layer.blueprint(), make_active=True, make_default=True)
-    stream.flush()
-    stream.disconnect()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

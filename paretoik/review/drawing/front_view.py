@@ -15,15 +15,16 @@ import rerun as rr
 
 from paretoik.arrays import Ids
 from paretoik.errors import Infeasible, InvalidInput, ParetoikError
-from paretoik.front.choices import chosen
+from paretoik.front.choices import pick_point
 from paretoik.front.compromise import compromise
 from paretoik.front.front import Choice, Front
 from paretoik.front.prediction import Prediction
 from paretoik.front.provenance import NAVIGATIONS
 from paretoik.inputs import check_function, check_size, shown
-from paretoik.review.drawing.choice_layer import ROOTS, ChoiceLayer
+from paretoik.review.drawing.choice_layer import ChoiceLayer
 from paretoik.review.drawing.motion_scene import motion_frames
 from paretoik.review.drawing.parallel_axes import drawn_rows
+from paretoik.review.drawing.recorded_views import ROOTS
 from paretoik.review.drawing_options import DRAWING, VIEWS
 from paretoik.review.even_rows import even_rows
 from paretoik.review.recording.recorded_end import front_point
@@ -41,7 +42,7 @@ class FrontView:
 
     def __init__(self, front: Front, viewer: Callable[[rr.RecordingStream], Any]) -> None:
         self._front = front
-        self._choice = chosen(front) or compromise(front)
+        self._choice = pick_point(front, None, name="view", otherwise=compromise)
         self._selected: Ids = np.zeros(0, dtype=np.int64)
         self._callbacks = list[Callable[[Ids], object]]()
         self._times = np.zeros(0)  # of all motions that were shown

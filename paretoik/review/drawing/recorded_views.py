@@ -22,6 +22,7 @@ from paretoik.review.drawing.search_scene import SearchScene
 from paretoik.review.drawing_options import VIEWS
 from paretoik.review.palette import SCREEN
 
+ROOTS: tuple[Literal["choice", "compared"], ...] = ("choice", "compared")  # of what was chosen since
 OF_RERUN = ("log_time", "log_tick")  # timelines that it adds itself
 
 
@@ -42,13 +43,13 @@ class RecordedRun:
 
 
 def read_recorded(file: Path) -> RecordedRun:
-    """Return what a recording has; raises InvalidInput where it cannot be read."""
+    """Return what a recording has but for choices made since; raises InvalidInput where it cannot be read."""
     entities: set[str] = set()
     timelines: dict[str, Literal["sequence", "duration"]] = {}
     try:
         reader = rr.chunk.RrdReader(file)
         (store,) = reader.recordings()
-        for chunk in reader.stream(store=store):
+        for chunk in reader.stream(store=store).drop(content=[f"/{root}/**" for root in ROOTS]):
             entities.add(str(chunk.entity_path))
             for name in sorted(set(chunk.timeline_names) - timelines.keys() - set(OF_RERUN)):
                 kind = chunk.to_record_batch().schema.field(name).type

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import paretoik as pk
 from paretoik.front.compromise import compromise
-from paretoik.review.drawing.choice_layer import write_choice_layer
+from paretoik.review.drawing.chosen_recording import recording_with_choice
 from paretoik.review.drawing.drawn_axes import TEXT, text_width
 from paretoik.review.drawing.joint_charts import limit_lines
 from paretoik.review.drawing.recorded_views import read_recorded
@@ -310,10 +310,10 @@ def test_each_axis_has_ticks_and_a_unit(run):
     assert sum(word.lstrip("-").replace(".", "").isdigit() for word in words) >= 4
 
 
-def test_a_choice_stands_beside_another_in_a_layer_of_the_same_recording(run, tmp_path):
+def test_a_choice_stands_beside_another_in_the_same_recording(run, tmp_path):
     _, front, file = run
     first, last = front[int(front.ids[0])], front[int(front.ids[-1])]
-    write_choice_layer(front, first, tmp_path / "choice.rrd", recording=file, compare=last)
+    (tmp_path / "choice.rrd").write_bytes(recording_with_choice(front, first, recording=file, compare=last))
     entities = read(tmp_path / "choice.rrd")
     for root, choice in (("choice", first), ("compared", last)):
         motion = record_motion(choice.motion, curves=False)
@@ -338,13 +338,13 @@ def certified_run(request, tmp_path_factory):
     return request.param, front, folder / "run" / "review.rrd"
 
 
-def test_a_layer_stands_on_every_timeline_of_a_recording_whatever_verb_it_is_of(certified_run, tmp_path):
+def test_a_choice_stands_on_every_timeline_of_a_recording_whatever_verb_it_is_of(certified_run, tmp_path):
     timeline, front, file = certified_run
     recorded = read_recorded(file)
     assert recorded.timeline == timeline
     walked = {"point": "sequence"} if len(front) > 1 else {}
     assert recorded.timelines == {timeline: "sequence", "motion": "duration", "replay": "duration"} | walked
-    write_choice_layer(front, front[int(front.ids[0])], tmp_path / "choice.rrd", recording=file)
+    (tmp_path / "choice.rrd").write_bytes(recording_with_choice(front, front[int(front.ids[0])], recording=file))
     entities = read(tmp_path / "choice.rrd")
     everything = entities | {path: batches for path, batches in read(file).items() if path not in entities}
     for name in recorded.timelines:

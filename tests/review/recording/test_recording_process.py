@@ -20,6 +20,7 @@ from paretoik.front.front import Front
 from paretoik.review.recording.recorder import Generation, Recorder, SearchedFront, SearchEnd
 from paretoik.review.recording.recording_process import RecorderOptions
 from tests.review.children import children, wait_for_end
+from tests.review.disks import small_disk
 from tests.review.reading import read, rows
 
 IMPATIENT = RecorderOptions(silence=2.0)
@@ -275,19 +276,6 @@ def test_what_cannot_be_drawn_is_warned_of_and_what_was_recorded_stays(tmp_path)
         started.close()
     assert len(warned) == 1
     assert {0, 1, 2} <= set(fronts(tmp_path / "review.rrd"))
-
-
-@contextmanager
-def small_disk(folder: Path, size: str) -> Iterator[Path]:
-    """Yield a disk of its own that holds no more than `size`; skips where none can be had."""
-    folder.mkdir()
-    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", folder], capture_output=True)
-    if mounted.returncode:
-        pytest.skip("no disk can be mounted here")
-    try:
-        yield folder
-    finally:
-        subprocess.run(["umount", folder], check=True)
 
 
 @pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="only the superuser mounts a disk")
