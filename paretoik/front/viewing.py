@@ -7,6 +7,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, Literal
 
 from paretoik.arrays import Ids
+from paretoik.inputs import check_function, check_size
 
 if TYPE_CHECKING:
     from paretoik.front.front import Front
@@ -49,5 +50,9 @@ def view(
     Infeasible
         For an empty front.
     """
+    for edge, size in {"width": width, "height": height}.items():
+        if not (isinstance(size, str) and size == "auto"):
+            check_size(edge, size, 1)
+    check_function("on_select", on_select)
     module, _, name = OPENED_BY.partition(":")
     return getattr(import_module(module), name)(front, on_select=on_select, width=width, height=height)

@@ -52,7 +52,7 @@ def test_a_file_that_is_no_robots_xml_is_one_error_with_its_line(tmp_path, name)
     assert time.perf_counter() - start < 10.0
     assert len(caught.value.faults) == 1
     assert words in caught.value.faults[0]
-    assert str(caught.value).startswith(f"{file}: 1 fault: ")
+    assert str(caught.value).startswith(f"{file}: a robot without faults wanted, got 1 fault: ")
     assert "\n" not in str(caught.value)
     assert check_robot(file).faults == caught.value.faults
 
