@@ -156,7 +156,10 @@ def test_a_link_with_inertia_and_no_mass_adds_its_inertia(write_urdf):
 
 @pytest.mark.parametrize(
     ("inside", "words"),
-    [('<origin xyz="1e308 0 0"/>', "too large, pose position"), ('<origin xyz="1e200 0 0"/>', "too large to add up")],
+    [
+        ('<origin xyz="1e308 0 0"/>', "too large, pose position"),
+        ('<origin xyz="1e200 0 0"/>', "too large, pose position: at most"),
+    ],
 )
 def test_offsets_that_overflow_are_refused(write_urdf, inside, words):
     parts = [*chain_of_three(), link("e"), link("f")]
