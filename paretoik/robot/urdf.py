@@ -23,7 +23,7 @@ from paretoik.robot.frame import Frame
 from paretoik.robot.pose import Pose
 from paretoik.robot.urdf_chain import Chain, find_zero_limits, select_chain
 from paretoik.robot.urdf_description import JointDescription, RobotDescription
-from paretoik.robot.urdf_reading import read_robot
+from paretoik.robot.urdf_reading import inertia_faults, list_messages, read_robot
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,6 +52,7 @@ def check_robot(file: str | Path, base: str | None = None, tip: str | None = Non
         summary.append(f"root {robot.roots[0]}, leaves {', '.join(robot.leaves)}")
         if tip is None and len(robot.leaves) > 1:
             summary.append("several leaves: name one as tip to see its chain")
+            faults = list_messages(inertia_faults(robot.links.values()))
         else:
             chain = select_chain(str(file), robot, base, tip, {})
             summary.append(f"chain {chain.base} to {chain.tip}: {len(chain.moving)} moving joints")

@@ -9,6 +9,7 @@ from paretoik.errors import InvalidInput
 from paretoik.inputs import finite_number, likely_spelling, listed, shown
 from paretoik.robot.arm_inputs import JOINT_TYPES
 from paretoik.robot.urdf_description import JointDescription, RobotDescription
+from paretoik.robot.urdf_reading import inertia_faults, list_messages
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,10 +49,14 @@ def select_chain(
         for joint in moving
         if joint.mimic or joint.type not in JOINT_TYPES
     ]
+    links = dict.fromkeys((start, *(joint.child for joint in path)))
+    aside = [robot.links[joint.child] for joint in below if joint.child not in links]
+    faults += list_messages(inertia_faults(robot.links[link] for link in links))
     if not moving:
         faults.append(f"no joint moves between {start!r} and {end!r}")
     leaders = {joint.name for joint in moving}
     notices = [_frozen_notice(joint, frozen[name], path, leaders) for name, joint in others.items()]
+    notices += [f"{fault}; off the chain, taken as a point mass" for fault in list_messages(inertia_faults(aside))]
     if start != robot.roots[0]:
         notices.insert(0, f"base {start!r} is not the root {robot.roots[0]!r}: what is above it is left out")
     for name in _massless_joints(robot, start, below, moving):

@@ -68,12 +68,17 @@ def read_robot(file: Path) -> RobotDescription:
         digest=sha256(data).hexdigest(),
         links=links,
         joints=joints,
-        faults=_listed(reader.faults),
-        warnings=_listed(reader.warnings),
+        faults=list_messages([*reader.faults, *inertia_faults(links.values())] if reader.faults else []),
+        warnings=list_messages(reader.warnings),
     )
 
 
-def _listed(messages: Iterable[Fault]) -> tuple[str, ...]:
+def inertia_faults(links: Iterable[LinkDescription]) -> list[Fault]:
+    """Return the faults of the inertias of links."""
+    return [link.inertia_fault for link in links if link.inertia_fault is not None]
+
+
+def list_messages(messages: Iterable[Fault]) -> tuple[str, ...]:
     """Return messages by line, as text; of very many the first ``max_messages``."""
     ordered = sorted(messages, key=lambda message: message[0])
     excess = len(ordered) - OPTIONS.max_messages
@@ -162,8 +167,16 @@ def _read_link(name: str, element: Element, reader: _Reader) -> LinkDescription:
         return LinkDescription(name=name)
     xyz, rpy = reader.origin(owner, inertial)
     mass = _read_mass(owner, inertial, reader)
-    entries = _read_inertia(owner, inertial, mass, reader)
-    return LinkDescription(name=name, mass=mass or 0.0, xyz=xyz, rpy=rpy, inertia_entries=entries)
+    entries, line = _read_inertia(owner, inertial, mass, reader)
+    fault = inertia_fault(inertia_matrix(entries))
+    return LinkDescription(
+        name=name,
+        mass=mass or 0.0,
+        xyz=xyz,
+        rpy=rpy,
+        inertia_entries=entries,
+        inertia_fault=(line, f"{owner}: {fault}") if fault else None,
+    )
 
 
 def _read_mass(owner: str, inertial: Element, reader: _Reader) -> float | None:
@@ -178,24 +191,23 @@ def _read_mass(owner: str, inertial: Element, reader: _Reader) -> float | None:
     return value[0] if value else None
 
 
-def _read_inertia(owner: str, inertial: Element, mass: float | None, reader: _Reader) -> Numbers:
+def _read_inertia(owner: str, inertial: Element, mass: float | None, reader: _Reader) -> tuple[Numbers, int]:
+    """Return the entries of an inertia, whether any body has it or not, and their line."""
     zeros = (0.0,) * len(INERTIA_ENTRIES)
     element = reader.child(owner, inertial, "inertia")
     if element is None:
         if mass != 0.0:
             reader.fault(inertial, f"{owner}: its <inertial> has no <inertia>")
-        return zeros
+        return zeros, inertial.line
     values = [reader.finite(owner, element, name, None) for name in INERTIA_ENTRIES]
     entries = tuple(value[0] for value in values if value)
     if len(entries) < len(INERTIA_ENTRIES):
-        return zeros
-    if fault := inertia_fault(inertia_matrix(entries)):
-        reader.fault(element, f"{owner}: {fault}")
+        return zeros, element.line
     if mass and not any(entries):
         reader.warning(element, f"{owner}: has mass but no inertia, taken as a point mass")
     if mass == 0.0 and any(entries):
         reader.warning(element, f"{owner}: has inertia but no mass")
-    return entries
+    return entries, element.line
 
 
 def _read_joint(name: str, element: Element, reader: _Reader) -> JointDescription:
