@@ -23,7 +23,8 @@ from paretoik.execution.machine import versions
 from paretoik.execution.run_folder import reclaim_folder
 from paretoik.execution.time_limit import check_time_limit
 from paretoik.fingerprint.fingerprint import check_fingerprint
-from paretoik.formulations.protocol import restore_motions, timeline
+from paretoik.formulations.protocol import timeline
+from paretoik.formulations.stored_motions import restore_motions
 from paretoik.front.front import Front
 from paretoik.front.preferences.weights import Weights
 from paretoik.front.subset import attach
