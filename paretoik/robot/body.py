@@ -84,7 +84,7 @@ def inertia_fault(inertia: Matrix3) -> str | None:
         return f"inertia must be positive, got its smallest principal moment of {principal[0]:.3g} kg m²"
     if principal[0] + principal[1] < principal[2] * (1 - 1e-6):
         return (
-            f"inertia breaks the triangle inequality, which it must keep: got principal moments {principal[0]:.4g}, "
+            f"inertia must keep the triangle inequality, got principal moments {principal[0]:.4g}, "
             f"{principal[1]:.4g} and {principal[2]:.4g} kg m²"
         )
     return None
