@@ -43,7 +43,7 @@ class InvalidRobot(InvalidInput):
         self.source = source
         self.faults = tuple(faults)
         count = "1 fault" if len(self.faults) == 1 else f"{len(self.faults)} faults"
-        super().__init__(f"{source}: {count}: " + "; ".join(self.faults))
+        super().__init__(f"{source}: a robot without faults wanted, got {count}: " + "; ".join(self.faults))
 
 
 class OutOfReach(InvalidInput):

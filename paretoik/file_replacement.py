@@ -50,13 +50,14 @@ def replace_files(folder: Path, contents: Mapping[str, bytes]) -> None:
     part = folder / f"{SAVED}.{os.getpid()}"
     with refusal(f"{folder}: wanted to write it"):
         try:
+            _remove(part)
             part.mkdir()
             for name, content in contents.items():
                 _write(part / name, content)
             _synchronise(part)
             part.rename(folder / SAVED)
         finally:
-            shutil.rmtree(part, ignore_errors=True)
+            _remove(part)
         _synchronise(folder)
         _move_saved(folder)
 
@@ -116,8 +117,17 @@ def _move_saved(folder: Path) -> None:
     saved.rmdir()
 
 
+def _remove(part: Path) -> None:
+    """Remove a folder of files that are not saved, whatever a killed process left of it; a link is not followed."""
+    if part.is_symlink() or part.is_file():
+        part.unlink()
+    shutil.rmtree(part, ignore_errors=True)
+
+
 def _write(file: Path, content: bytes) -> None:
-    with file.open("wb") as sink:
+    """Write a file that is not there yet: what a killed process left in its place goes, and a link is not followed."""
+    file.unlink(missing_ok=True)
+    with file.open("xb") as sink:
         sink.write(content)
         sink.flush()
         os.fsync(sink.fileno())

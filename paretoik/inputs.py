@@ -34,14 +34,16 @@ class InputOptions:
     """Sizes of what users give, and of what is shown of it.
 
     A count is at most ``largest_count``: more of anything does not fit any memory; a seed at most ``largest_seed``, as
-    large as NumPy draws them itself. A value is shown by at most so many characters (``shown``), a list by at most so
-    many ``items``. File systems take names of at most so many bytes (``longest_name``). Angles of more than
-    ``turned`` [rad], two turns, are probably degrees: no joint of a robot on sale turns further; of more than
-    ``largest_angle`` [rad] numbers no longer tell them apart to 1e-9 rad.
+    large as NumPy draws them itself. A quantity in SI units is at most ``largest_quantity`` and, where it must be
+    positive, at least its inverse: squares and quotients of such are still numbers. A value is shown by at most so many
+    characters (``shown``), a list by at most so many ``items``. File systems take names of at most so many bytes
+    (``longest_name``). Angles of more than ``turned`` [rad], two turns, are probably degrees: no joint of a robot on
+    sale turns further; of more than ``largest_angle`` [rad] numbers no longer tell them apart to 1e-9 rad.
     """
 
     largest_count: int = 2**31 - 1
     largest_seed: int = 2**128 - 1
+    largest_quantity: float = 1e50
     shown: int = 80
     items: int = 12
     longest_name: int = 255
@@ -128,7 +130,23 @@ def positive_number(name: str, value: object, unit: str) -> float:
     number = finite_number(name, value)
     if number <= 0:
         raise InvalidInput(f"{name}: must be positive, got {number:g} {unit}")
+    check_magnitude(name, number, unit, positive=True)
     return number
+
+
+def check_magnitude(name: str, values: ArrayLike, unit: str, *, positive: bool = False) -> None:
+    """Raise InvalidInput, by ``name``, for quantities so large that squares of them overflow; infinite ones pass.
+
+    ``positive`` ones must not be so small either that their inverse is.
+    """
+    sizes = np.abs(np.asarray(values, dtype=float))
+    largest = float(np.max(sizes[np.isfinite(sizes)], initial=0.0))
+    if largest > OPTIONS.largest_quantity:
+        raise InvalidInput(f"{name}: at most {OPTIONS.largest_quantity:g} {unit} wanted, got {largest:g} {unit}")
+    smallest = float(np.min(sizes, initial=np.inf))
+    if positive and smallest < 1 / OPTIONS.largest_quantity:
+        wish = f"at least {1 / OPTIONS.largest_quantity:g} {unit}"
+        raise InvalidInput(f"{name}: {wish} wanted, got {smallest:g} {unit}")
 
 
 def check_size(name: str, size: object, minimum: int) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import paretoik as pk
 from tests.api.problems import PATH, tracking
@@ -52,6 +54,17 @@ INPUTS = {
     "masses: must hold": lambda: arm(masses=["a", "b", "c"]),
     "centers: must hold": lambda: arm(centers="x"),
     "inertias: must hold": lambda: arm(inertias={}),
+    "lengths: at most 1e\\+50 wanted, got 1e\\+308": lambda: arm(lengths=[1e308]),
+    "lengths: at least 1e-50 wanted, got 1e-300": lambda: arm(lengths=[0.1, 1e-300]),
+    "masses: at most 1e\\+50 wanted, got 1e\\+155": lambda: arm(masses=[1.0, 1e155, 1.0]),
+    "payload: mass: at most 1e\\+50 kg wanted": lambda: arm().with_payload(1e60),
+    "pose position: at most 1e\\+50 m wanted": lambda: pk.Pose([0.0, -1e60, 0.0]),
+    "line end: at most 1e\\+50 m wanted, got 1e\\+308 m": lambda: pk.line([0.0, 0.0], [1e308, 0.0], duration=1.0),
+    "duration: at most 1e\\+50 s wanted": lambda: pk.line([0.0, 0.0], [1.0, 0.0], duration=1e60),
+    "duration: at least 1e-50 s wanted": lambda: pk.line([0.0, 0.0], [1.0, 0.0], duration=1e-320),
+    "velocity limit: at most 1e\\+50 wanted, got 1e\\+308": lambda: tracking(velocity=1e308),
+    "position limit of joint1: at most": lambda: tracking(position={"joint1": (-1e60, 1.0)}),
+    "velocity_limits: at least 1e-50 wanted": lambda: arm(velocity_limits=1e-60),
     "position_limits: must hold": lambda: arm(position_limits={}),
     "velocity_limits: must hold real numbers, got text": lambda: arm(velocity_limits="fast"),
     "file: a path wanted, got None": lambda: pk.Arm.from_urdf(None),
@@ -120,3 +133,26 @@ def test_what_makes_no_sense_is_refused_in_one_line(words):
         INPUTS[words]()
     assert "\n" not in str(refused.value)
     assert len(str(refused.value)) < 300
+
+
+def of_size(quantity: str, size: float) -> pk.Tracking:
+    unit = size if quantity == "lengths" else 1.0
+    masses = np.full(3, size if quantity == "masses" else 1.0)
+    limits = pk.Limits(velocity=size) if quantity == "velocity" else None
+    duration = size if quantity == "duration" else 1.0
+    three = arm(lengths=[0.2 * unit] * 3, masses=masses, centers=[0.1 * unit] * 3, inertias=0.01 * masses)
+    path = pk.line([0.4 * unit, 0.0], [0.3 * unit, 0.1 * unit], duration=duration, samples=9)
+    objectives = [pk.kinetic_energy, pk.torque_norm]
+    return pk.Tracking(three, path, objectives=objectives, limits=limits, coefficients=4, bases=2)
+
+
+@given(st.sampled_from(["duration", "lengths", "masses", "velocity"]), st.floats(-320, 308))
+@settings(max_examples=30, deadline=None)
+def test_problems_of_any_size_have_finite_values_or_are_refused_beyond_what_numbers_hold(quantity, exponent):
+    size = 10.0**exponent
+    if 1e-45 < size < 1e45:
+        problem = of_size(quantity, size)
+        assert np.isfinite(problem.evaluate(np.full((1, problem.n_var), 0.5), return_values_of=["F"])).all()
+    elif size > 1e51 or (size < 1e-51 and quantity in ("duration", "lengths")):
+        with pytest.raises(pk.InvalidInput, match=r"1e[+-]50 (m |s )?wanted, got"):
+            of_size(quantity, size)

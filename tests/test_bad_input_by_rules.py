@@ -55,5 +55,5 @@ def test_what_makes_no_sense_is_refused_in_one_line(name, examples, monkeypatch)
 @pytest.mark.parametrize("name", SURFACES)
 def test_every_class_of_wrong_values_is_refused_in_one_line(name, examples, monkeypatch):
     monkeypatch.chdir(examples.folder)
-    _ = examples.front, examples.plan  # made before anything is judged
+    _ = examples.objects.run_folder, examples.objects.plan_folder  # made before anything is judged
     assert verdicts(SURFACES[name], examples, 1) == {}

@@ -144,3 +144,41 @@ def test_a_link_in_place_of_the_saved_files_is_not_followed(tmp_path):
     with only_writer(folder):
         assert not (folder / "a").exists()
     assert (elsewhere / "a").exists()
+
+
+@pytest.mark.parametrize("planted", ["link", "file", "folder"])
+def test_what_lies_at_the_temporary_name_of_a_file_is_replaced_and_a_link_not_followed(tmp_path, planted):
+    precious, file = tmp_path / "precious", tmp_path / "run" / "run.json"
+    precious.write_bytes(b"mine")
+    file.parent.mkdir()
+    part = file.with_name(f".run.json.{os.getpid()}")
+    if planted == "folder":
+        part.mkdir()
+        with pytest.raises(InvalidInput, match=r"run\.json: wanted to write it, got Is a directory"):
+            replace_file(file, b"new")
+        return
+    part.symlink_to(precious) if planted == "link" else part.write_bytes(b"of a killed process with this number")
+    replace_file(file, b"new")
+    assert (file.read_bytes(), precious.read_bytes()) == (b"new", b"mine")
+    assert [entry.name for entry in file.parent.iterdir()] == ["run.json"]
+
+
+@pytest.mark.parametrize("planted", ["link", "file", "folder"])
+def test_what_lies_at_the_temporary_name_of_several_files_is_replaced_and_a_link_not_followed(tmp_path, planted):
+    elsewhere, folder = tmp_path / "elsewhere", tmp_path / "run"
+    elsewhere.mkdir()
+    (elsewhere / "a").write_bytes(b"mine")
+    folder.mkdir()
+    part = folder / f"{SAVED}.{os.getpid()}"
+    if planted == "link":
+        part.symlink_to(elsewhere)
+    elif planted == "file":
+        part.write_bytes(b"")
+    else:
+        part.mkdir()
+        (part / "a").symlink_to(elsewhere / "a")
+    with only_writer(folder):
+        replace_files(folder, NEW)
+    assert contents(folder) == NEW
+    assert (elsewhere / "a").read_bytes() == b"mine"
+    assert not list(folder.glob(f"{SAVED}*"))

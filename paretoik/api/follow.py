@@ -40,7 +40,8 @@ class LoopRun:
 
     def __init__(self, problem: ClosedLoop, settings: SolveSettings) -> None:
         for name in SEARCH_SETTINGS:
-            if getattr(settings, name) not in (None, False, "auto"):
+            value = getattr(settings, name)
+            if not (value is None or value is False or (name == "solver" and value == "auto")):
                 raise InvalidInput(
                     f"{name}: wants a search for a front, got a closed loop, which is followed step by step"
                 )

@@ -8,12 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from paretoik.api.run_problem import check_problem_argument, problem_of_run
-from paretoik.errors import ParetoikError
+from paretoik.errors import InvalidRun, ParetoikError
 from paretoik.fingerprint.fingerprint import check_fingerprint
-from paretoik.formulations.protocol import restore_motions
+from paretoik.formulations.stored_motions import restore_motions
 from paretoik.front.front import Front
 from paretoik.front.subset import attach
 from paretoik.inputs import file_path
+from paretoik.run_files import MOTIONS
 
 
 def load_front(folder: str | Path, problem: Any = None) -> Front:
@@ -26,7 +27,7 @@ def load_front(folder: str | Path, problem: Any = None) -> Front:
     Raises
     ------
     InvalidRun
-        Where the folder is no run, or damaged.
+        Where the folder is no run, or damaged, or its motions are not on the path of the problem.
     InvalidInput
         Where ``problem`` is not the one that the run solved, or cannot be loaded.
     """
@@ -45,4 +46,8 @@ def load_front(folder: str | Path, problem: Any = None) -> Front:
         cause = str(error).removeprefix(f"{folder}: ")
         warnings.warn(f"{folder}: motions come without their arm: {cause}", RuntimeWarning, stacklevel=2)
         return front
-    return attach(replace(front, motions=restore_motions(whole, front), problem=whole), front.folder)
+    try:
+        motions = restore_motions(whole, front)
+    except InvalidRun as fault:
+        raise InvalidRun(f"{folder / MOTIONS}: {fault}") from None
+    return attach(replace(front, motions=motions, problem=whole), front.folder)

@@ -10,8 +10,9 @@ from paretoik.api.plan_storage import read_plan
 from paretoik.api.run_problem import check_problem_argument, problem_of_run
 from paretoik.errors import InvalidInput, InvalidRun
 from paretoik.fingerprint.fingerprint import check_fingerprint
-from paretoik.formulations.protocol import motions_of_task
+from paretoik.formulations.stored_motions import motions_of_task
 from paretoik.inputs import file_path
+from paretoik.run_files import MOTIONS
 from paretoik.trajectory.plan import Optimum, Plan
 
 
@@ -24,7 +25,7 @@ def load_plan(folder: str | Path, problem: Any = None) -> Plan:
     Raises
     ------
     InvalidRun
-        Where the folder is no run of ``plan``, or damaged.
+        Where the folder is no run of ``plan``, or damaged, or its motions are not on the path of the problem.
     InvalidInput
         Where the problem is not at hand, or not the one that was planned.
     """
@@ -35,7 +36,10 @@ def load_plan(folder: str | Path, problem: Any = None) -> Plan:
     if problem is None:
         raise InvalidInput(f"{folder}: the problem wanted that was planned; load_plan(folder, problem) names it")
     check_fingerprint(problem, run.get("fingerprint"), wish=f"{folder}: wants the problem that was planned")
-    motions = motions_of_task(problem.task, stored)
+    try:
+        motions = motions_of_task(problem, stored, columns["id"])
+    except InvalidRun as fault:
+        raise InvalidRun(f"{folder / MOTIONS}: {fault}") from None
     if motions is None:
         raise InvalidRun(f"{folder}: wanted motions at the samples of the problem, got others")
     return Plan(

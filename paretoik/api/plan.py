@@ -17,7 +17,7 @@ from paretoik.execution.time_limit import check_time_limit
 from paretoik.formulations.requirements import require_plan
 from paretoik.inputs import check_count, check_flag, check_seed
 from paretoik.nlp.minimise import check_solver
-from paretoik.nlp.program import Solver
+from paretoik.nlp.program import Solver, check_solver_name
 from paretoik.task.motion import Motion
 from paretoik.trajectory.plan import Plan
 
@@ -95,6 +95,7 @@ def plan(
     check_time_limit(time_limit)
     check_workers(workers, cluster)
     check_flag("overwrite", overwrite)
+    check_solver_name(solver)
     find_optima = require_plan(problem)
     if solver != "auto":  # which takes what there is, and looks at values before derivatives
         check_solver(problem.program(), solver)

@@ -17,7 +17,7 @@ from paretoik.front.certificate_text import certificate_text
 from paretoik.front.front import Front
 from paretoik.front.joint_motions import StoredMotions
 from paretoik.front.reason import list_words
-from paretoik.inputs import check_flag, file_path
+from paretoik.inputs import check_flag, file_path, shown
 from paretoik.review.limits_between import describe_limits_between
 from paretoik.review.report.report import Report, Steps
 from paretoik.run_files import PAGE_MARK, REPORT, STEPS, check_target, read_plain_file
@@ -37,12 +37,14 @@ def report(
     there is replaced, any other file with ``overwrite`` only. ``problem`` is that of a folder's run, as for
     ``load_front``.
 
-    Raises InvalidInput where a front without a folder comes without a file, or the file cannot be written; InvalidRun
-    for a folder that holds no run, or a damaged one.
+    Raises InvalidInput where a front without a folder comes without a file, or a front with a problem, or the file
+    cannot be written; InvalidRun for a folder that holds no run, or a damaged one.
     """
     check_problem_argument(problem)
     if not isinstance(front, Front):
         front = load_front(file_path("front", front), problem)
+    elif problem is not None:
+        raise InvalidInput(f"problem: wanted of a folder's run alone, got {shown(problem)} beside a front")
     if file is not None:
         place = file_path("file", file)
     elif front.folder is not None:

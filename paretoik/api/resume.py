@@ -18,11 +18,13 @@ from paretoik.api.run_problem import check_problem_argument, problem_of_run
 from paretoik.api.run_session import SOURCE, StoppedRun
 from paretoik.api.solve import solve
 from paretoik.errors import InvalidInput, InvalidRun
+from paretoik.execution.executor import check_workers
 from paretoik.execution.machine import versions
 from paretoik.execution.run_folder import reclaim_folder
 from paretoik.execution.time_limit import check_time_limit
 from paretoik.fingerprint.fingerprint import check_fingerprint
-from paretoik.formulations.protocol import restore_motions, timeline
+from paretoik.formulations.protocol import timeline
+from paretoik.formulations.stored_motions import restore_motions
 from paretoik.front.front import Front
 from paretoik.front.preferences.weights import Weights
 from paretoik.front.subset import attach
@@ -80,9 +82,10 @@ def resume(
     check_algorithm(algorithm)
     check_problem_argument(problem)
     check_time_limit(time_limit)
+    check_workers(workers, cluster)
     if not isinstance(observe, bool):
         check_function("observe", observe)
-    read_run(folder / RUN)  # what is no run is not locked
+    _read_stopped(folder)  # what cannot go on is not locked
     with reclaim_folder(folder):
         verb, arguments = _call(folder, problem, algorithm)
         shown = {"live": live, "workers": workers, "cluster": cluster}
@@ -94,13 +97,7 @@ def resume(
 
 def _call(folder: Path, problem: Any, algorithm: Any) -> tuple[Callable[..., Front | Plan], dict[str, Any]]:
     """Return the verb that a run began with, and its arguments; raises as ``resume`` does."""
-    run = read_run(folder / RUN)
-    check_digest(folder / RUN, run)
-    if not can_resume(folder):
-        raise InvalidInput(
-            f"{folder}: wanted a run of solve, plan, front or refine that was stopped, got one of status "
-            f"{run.get('status')!r} with nothing to go on from"
-        )
+    run = _read_stopped(folder)
     _check_versions(folder, run)
     problem = problem_of_run(folder, run.get("problem"), problem)
     if problem is None:
@@ -122,6 +119,18 @@ def _call(folder: Path, problem: Any, algorithm: Any) -> tuple[Callable[..., Fro
     elif verb is solve:
         arguments |= _search_arguments(settings, algorithm)
     return verb, arguments
+
+
+def _read_stopped(folder: Path) -> dict[str, Any]:
+    """Return the entries of a run that can go on; raises InvalidRun for no run, InvalidInput for another one."""
+    run = read_run(folder / RUN)
+    check_digest(folder / RUN, run)
+    if not can_resume(folder):
+        raise InvalidInput(
+            f"{folder}: wanted a run of solve, plan, front or refine that was stopped, got one of status "
+            f"{run.get('status')!r} with nothing to go on from"
+        )
+    return run
 
 
 def _search_arguments(settings: Mapping[str, Any], algorithm: Any) -> dict[str, Any]:

@@ -18,6 +18,7 @@ from paretoik.api.run_session import RunSession
 from paretoik.api.settings import DEFAULTS, SolveSettings
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.execution.time_limit import check_time_limit
+from paretoik.formulations.closed_loop_arguments import read_steps
 from paretoik.formulations.protocol import decode, explain_violation, has_branches
 from paretoik.formulations.requirements import check_formulation, require_program
 from paretoik.front.front import Front
@@ -43,7 +44,7 @@ class FrontSearch:
 
     def __init__(self, problem: Any, settings: SolveSettings) -> None:
         check_formulation(problem)
-        if len(settings.record_steps):
+        if read_steps(settings.record_steps):
             raise InvalidInput(
                 f"record_steps: a ClosedLoop wanted, whose steps are searches, got {type(problem).__name__}"
             )

@@ -8,7 +8,7 @@ from typing import Any
 
 from paretoik.execution.executor import check_workers
 from paretoik.inputs import check_flag, positive_number
-from paretoik.nlp.program import Solver
+from paretoik.nlp.program import Solver, check_solver_name
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -34,9 +34,10 @@ class SolveSettings:
     evaluation_timeout: float | None = None
 
     def __post_init__(self) -> None:
-        """Check the flags, the timeout, and the workers."""
+        """Check what means the same for every way of solving."""
         check_flag("stagnation", self.stagnation)
         check_flag("refine", self.refine)
+        check_solver_name(self.solver)
         check_workers(self.workers, self.cluster)
         if self.evaluation_timeout is not None:
             positive_number("evaluation_timeout", self.evaluation_timeout, "s")

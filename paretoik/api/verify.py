@@ -33,11 +33,11 @@ def verify(folder: str | Path, problem: Any = None, *, observe: Observer | bool 
     InvalidInput
         Where Pinocchio is not installed.
     """
+    path, reason, same = file_path("folder", folder), "", None
+    check_problem_argument(problem)
     from paretoik.verification.run_contents import read_contents
     from paretoik.verification.verify_run import verify_run
 
-    path, reason, same = file_path("folder", folder), "", None
-    check_problem_argument(problem)
     with without_writers(path):
         run = read_contents(path)
     reference = run.entries.get("problem")

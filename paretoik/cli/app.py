@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import sys
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from signal import SIGTERM
 from typing import Annotated, Any
 
@@ -24,22 +26,41 @@ from paretoik.cli.resume import resume
 from paretoik.cli.select import select
 from paretoik.cli.show import show
 from paretoik.cli.solve import solve
+from paretoik.cli.usage import USAGE_ERRORS, refusal_of
 from paretoik.cli.verify import verify
 from paretoik.errors import ParetoikError
 
 
 class Commands(TyperGroup):
-    """The sub-commands; a signal that comes before there is anything to keep is a line and an exit code."""
+    """The sub-commands; words that make none, and a signal before there is anything to keep, are a line each."""
+
+    words: tuple[str, ...] = ()
+
+    def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
+        """Read the words of a command line."""
+        self.words = tuple(args)
+        with self._one_line():
+            return super().make_context(info_name, args, parent, **extra)
 
     def invoke(self, ctx: Any) -> object:
         """Run a sub-command."""
         try:
-            return super().invoke(ctx)
+            with self._one_line():
+                return super().invoke(ctx)
         except (KeyboardInterrupt, SystemExit) as end:
             if isinstance(end, SystemExit) and end.code != 128 + SIGTERM:
                 raise
             print_message("error:", "bold red", "interrupted before there was a whole result")
             sys.exit(NO_RESULT)
+
+    @contextmanager
+    def _one_line(self) -> Iterator[None]:
+        try:
+            yield
+        except USAGE_ERRORS as error:
+            if type(error).__name__ == "NoArgsIsHelpError":
+                raise
+            raise refusal_of(error, self.words, list(self.commands)) from None
 
 
 app = typer.Typer(

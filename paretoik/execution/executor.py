@@ -8,7 +8,7 @@ from contextlib import closing, contextmanager
 from paretoik.distribution import distributing
 from paretoik.errors import InvalidInput
 from paretoik.execution.worker_processes import WorkerProcesses
-from paretoik.inputs import check_size
+from paretoik.inputs import check_size, shown
 
 
 def check_workers(workers: int | None, cluster: str | None) -> None:
@@ -20,7 +20,7 @@ def check_workers(workers: int | None, cluster: str | None) -> None:
     if workers is not None:
         raise InvalidInput(f"workers: wants none beside cluster, which has its own, got {workers}")
     if not isinstance(cluster, str) or "://" not in cluster:
-        raise InvalidInput(f"cluster: the address of a Dask scheduler wanted, as tcp://HOST:PORT, got {cluster!r}")
+        raise InvalidInput(f"cluster: the address of a Dask scheduler wanted, as tcp://HOST:PORT, got {shown(cluster)}")
 
 
 @contextmanager

@@ -43,7 +43,7 @@ class ReservedSpace:
     def take(self) -> None:
         """Hold the room; raises OSError where there is none."""
         self._file.parent.mkdir(exist_ok=True)
-        descriptor = os.open(self._file, os.O_CREAT | os.O_RDWR, 0o600)
+        descriptor = os.open(self._file, os.O_CREAT | os.O_RDWR | os.O_NOFOLLOW, 0o600)
         try:
             os.posix_fallocate(descriptor, 0, OPTIONS.bytes)
         finally:

@@ -35,12 +35,11 @@ def claim_folder(folder: Path | str, *, overwrite: bool = False) -> Iterator[Pat
     """
     place = Path(folder)
     with _refusal(place):
+        if not (place / LOCK).exists():  # nobody is at work there: it is refused before anything is written
+            _check_replaceable(place, overwrite=overwrite)
         place.mkdir(parents=True, exist_ok=True)
     with lock_folder(place):
-        if (place / RUN).exists() and not overwrite:
-            raise InvalidInput(
-                f"{place}: wanted a new folder or permission to overwrite (--overwrite), got one that holds a run"
-            )
+        _check_replaceable(place, overwrite=overwrite)
         try:
             with _refusal(place), only_writer(place):
                 set_aside(place)
@@ -48,6 +47,13 @@ def claim_folder(folder: Path | str, *, overwrite: bool = False) -> Iterator[Pat
         finally:
             with _refusal(place), only_writer(place):
                 settle(place)
+
+
+def _check_replaceable(place: Path, *, overwrite: bool) -> None:
+    if (place / RUN).exists() and not overwrite:
+        raise InvalidInput(
+            f"{place}: wanted a new folder or permission to overwrite (--overwrite), got one that holds a run"
+        )
 
 
 @contextmanager

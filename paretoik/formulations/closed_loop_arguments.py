@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -13,7 +14,7 @@ from paretoik.closed_loop.objectives import StepObjective, as_step_objective
 from paretoik.closed_loop.workspace import OPTIONS
 from paretoik.errors import InvalidInput
 from paretoik.front.preferences import Weights
-from paretoik.inputs import check_size, finite_array, real_array, shown
+from paretoik.inputs import check_size, finite_array, read_list, real_array, shown
 from paretoik.task.limits import LIMITED, Limits
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective
@@ -72,11 +73,14 @@ def check_longest_step(longest_step: object) -> float:
     return float(longest)
 
 
+def read_steps(record_steps: object) -> tuple[Any, ...]:
+    """Return the items of a list of steps, unchecked; raises InvalidInput for what is no list."""
+    return read_list("record_steps", record_steps, object, "a list of steps")
+
+
 def check_steps(record_steps: Sequence[int], last: int) -> frozenset[int]:
     """Return the steps of a loop to record; raises InvalidInput for others than 1 to the last."""
-    if not isinstance(record_steps, Sequence):
-        raise InvalidInput(f"record_steps: a list of steps wanted, got {shown(record_steps)}")
-    for step in record_steps:
+    for step in read_steps(record_steps):
         check_size("record_steps", step, 1)
         if step > last:
             raise InvalidInput(f"record_steps: steps from 1 to {last} wanted, got {step}")

@@ -14,7 +14,8 @@ from paretoik.arrays import Point
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.formulations.interpolation import points_between
 from paretoik.formulations.navigation_words import describe_move
-from paretoik.formulations.protocol import Differentiable, Individuals, restore_motions
+from paretoik.formulations.protocol import Differentiable, Individuals
+from paretoik.formulations.stored_motions import restore_motions
 from paretoik.front.certificates import Certificates, concatenate
 from paretoik.front.front import Front
 from paretoik.front.indicators import widths_of

@@ -13,7 +13,8 @@ part                                     what it makes possible
                                          run is recognised as the problem's, it is rounded
 ``search_attributes``                    names of what does not count there: how solutions are searched for
 ``decode(genes), encode(motions)``       motions of a front; starting from motions
-``task``                                 motions of a stored run with their arm
+``task``                                 motions of a stored run with their arm (``stored_motions``), on their path
+                                         where "tracking" is among ``constraint_names``
 all of ``Differentiable``                ``refine``, ``epsilon_front`` and certificates; a formulation without has
                                          no gradients, and these verbs refuse it before any work
 ``values_between(front, shares)``        ``front.jumps``: objectives (gaps, shares, n_obj), minimised, of what lies at
@@ -43,12 +44,10 @@ from paretoik.errors import InvalidInput
 from paretoik.front.front import Front, Preference
 
 if TYPE_CHECKING:  # so that loading a problem stays quick
-    from paretoik.front.joint_motions import JointMotions
     from paretoik.nlp.program import Program, Solver
     from paretoik.pareto.cold_search import ColdSearch
     from paretoik.pareto.scalarisation import Observe
     from paretoik.task.motion import Motion
-    from paretoik.task.motion_task import MotionTask
 
 Timeline: TypeAlias = Literal["generation", "step", "level", "refinement"]
 """What a run counts: generations of a search, steps of a closed loop, levels of ε, a front's refinement."""
@@ -160,31 +159,6 @@ def explain_violation(problem: Any, genes: Genes, violation: np.ndarray) -> tupl
     if hasattr(problem, "explain"):
         return names[worst], problem.explain(genes)[0]
     return names[worst], f"{names[worst]} is violated by {violation[worst]:.3g}"
-
-
-def restore_motions(problem: Any, front: Front) -> Any:
-    """Return the motions of a stored front with their arm: from its joint positions, or else from its genes."""
-    if front.motions is None:
-        return None
-    motions = motions_of_task(problem.task, front.motions) if hasattr(problem, "task") else None
-    if motions is not None:
-        return motions
-    decodes = hasattr(problem, "decode") and front.genes is not None
-    return problem.decode(np.array(front.genes)) if decodes else front.motions
-
-
-def motions_of_task(task: MotionTask, stored: JointMotions) -> Motion | None:
-    """Return stored motions with the arm of their task, joints matched by name; None where they have other times.
-
-    Raises InvalidInput where the joints are others.
-    """
-    q, names = np.asarray(stored.q), list(stored.arm.joint_names)
-    if sorted(names) != sorted(task.arm.joint_names):
-        raise InvalidInput(f"motions: joints {', '.join(task.arm.joint_names)} wanted, got {', '.join(names)}")
-    task = task.truncate(q.shape[-2])
-    if not np.allclose(stored.time, task.times, rtol=1e-9, atol=0):
-        return None
-    return task.motion(q[..., [names.index(name) for name in task.arm.joint_names]])
 
 
 def reweigh(problem: Any, front: Front, preference: Preference) -> Any:

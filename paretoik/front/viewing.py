@@ -7,6 +7,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, Literal
 
 from paretoik.arrays import Ids
+from paretoik.inputs import check_function, check_size
 from paretoik.run_files import RECORDING
 
 if TYPE_CHECKING:
@@ -52,6 +53,10 @@ def view(
     Infeasible
         For an empty front.
     """
+    for edge, size in {"width": width, "height": height}.items():
+        if not (isinstance(size, str) and size == "auto"):
+            check_size(edge, size, 1)
+    check_function("on_select", on_select)
     return drawn_by(OPENED_BY)(front, on_select=on_select, width=width, height=height)
 
 

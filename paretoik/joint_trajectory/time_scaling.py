@@ -80,5 +80,5 @@ def time_scaling(duration: float, rate: float, *, time_scale: float = 1.0, ramp:
     periods = np.ceil((duration + ramp) * scale * rate - OPTIONS.whole)
     if rate > OPTIONS.rate or not 3 <= periods <= OPTIONS.periods:
         wish = f"at most {OPTIONS.rate:g} Hz, and from 3 to {OPTIONS.periods} periods"
-        raise InvalidInput(f"rate: {wish} wanted, got {rate:g} Hz for {(duration + ramp) * scale:g} s")
+        raise InvalidInput(f"rate and time_scale: {wish} wanted, got {rate:g} Hz for {(duration + ramp) * scale:g} s")
     return TimeScaling(duration=duration, periods=int(periods), rate=rate, ramp=ramp)

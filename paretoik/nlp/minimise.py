@@ -10,7 +10,7 @@ from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import suppress
 from dataclasses import replace
 from functools import cache, partial
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -19,11 +19,10 @@ from paretoik import stop_flag
 from paretoik.arrays import Points
 from paretoik.distribution import Lost, distribute_remembered, threads, workers
 from paretoik.errors import InvalidInput
-from paretoik.inputs import check_choice
 from paretoik.journal import Values, remembered
 from paretoik.nlp import sqp
 from paretoik.nlp.interior_point_options import InteriorPointOptions
-from paretoik.nlp.program import Goal, Program, Solver
+from paretoik.nlp.program import Goal, Program, Solver, check_solver_name
 from paretoik.nlp.program_key import program_key
 from paretoik.nlp.solutions import CONVERGED, INTERRUPTED, LOST, NO_PROGRESS, NOT_FINITE, Solutions
 from paretoik.nlp.violation import violation_of
@@ -75,7 +74,7 @@ def minimise(
 
 def check_solver(program: Program, solver: str) -> None:
     """Raise InvalidInput unless ``solver`` is one that can solve the program, naming what it cannot take."""
-    check_choice("solver", solver, get_args(Solver))
+    check_solver_name(solver)
     if solver == "interior-point" and program.kernel is None:
         names = ", ".join(program.unsupported)
         raise InvalidInput(f"solver: 'interior-point' wants functions of a sample, {names} relates samples: take 'sqp'")

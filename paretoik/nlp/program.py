@@ -12,17 +12,23 @@ auxiliary columns, slack and epigraph variables that follow from x, so that ever
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol, TypeAlias, runtime_checkable
+from typing import Any, Literal, Protocol, TypeAlias, get_args, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
 from scipy import sparse
 
 from paretoik.arrays import Point, Points
+from paretoik.inputs import check_choice
 from paretoik.nlp.conic import Cone, Constraints, dense_rows, stack_rows
 
 Solver: TypeAlias = Literal["auto", "interior-point", "sqp"]
 """Which solver refines: if "auto", interior points where the program has a kernel, else SQP."""
+
+
+def check_solver_name(solver: object) -> None:
+    """Raise InvalidInput unless this is the name of a solver."""
+    check_choice("solver", solver, get_args(Solver))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -153,8 +153,8 @@ def _check_tracking(task: MotionTask, motion: ResolvedMotion, tolerance: float) 
     if sample == 0:
         hint = degrees_hint(q[task.arm.periodic])
         raise InvalidInput(
-            f"resolve: {name}start is {distance} off the path's first sample, which must be at most "
-            f'{tolerance:g} {error_unit(task.tasks)}, or unreachable="track"{f"; {hint}" if hint else ""}'
+            f"resolve: {name}start must be at most {tolerance:g} {error_unit(task.tasks)} off the path's first sample, "
+            f'or unreachable="track" said, got {distance}{f"; {hint}" if hint else ""}'
         )
     cause = LOST_STEPS[str(status[i, sample - 1])] if broken[i, sample] else f"{distance} off the path"
     active = _active_limits(task, motion, i, sample) if status[i, before] == "limited" else ""

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.errors import InvalidInput
-from paretoik.inputs import check_choice, check_text, finite_array, read_list, real_array, shown
+from paretoik.inputs import check_choice, check_magnitude, check_text, finite_array, read_list, real_array, shown
 from paretoik.robot.body import Body
 
 JointType: TypeAlias = Literal["revolute", "continuous", "prismatic"]
@@ -59,6 +59,7 @@ def limit_rows(name: str, limits: object, count: int) -> Float[np.ndarray, "dof 
         rows = np.stack([np.broadcast_to(side, (count,)) for side in (lower, upper)], axis=-1)
     except ValueError:
         raise InvalidInput(f"{name} wants one value or {count}, one a joint, got {shown(limits)}") from None
+    check_magnitude(name, rows, "")
     if np.isnan(rows).any() or np.any(rows[:, 0] > rows[:, 1]):
         first = int(np.argmax(np.isnan(rows).any(axis=1) | (rows[:, 0] > rows[:, 1])))
         raise InvalidInput(
@@ -77,6 +78,7 @@ def symmetric_limits(name: str, limits: object, count: int) -> Float[np.ndarray,
         raise InvalidInput(f"{name} wants one value or {count}, one a joint, got {shown(limits)}") from None
     if not np.all(values > 0):
         raise InvalidInput(f"{name} wants positive values, got {shown(limits)}")
+    check_magnitude(name, values, "", positive=True)
     return values
 
 
@@ -112,6 +114,7 @@ def number_array(name: str, values: object, count: int | None, *, positive: bool
         raise InvalidInput(f"{name} wants at least one moving joint's value, got none")
     if positive and np.any(array <= 0):
         raise InvalidInput(f"{name} wants positive numbers, got {shown(values)}")
+    check_magnitude(name, array, "", positive=positive)
     return array
 
 

@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from paretoik.arrays import Matrix3, Vector3
 from paretoik.errors import InvalidInput
-from paretoik.inputs import finite_number, real_array, shown
+from paretoik.inputs import check_magnitude, finite_number, real_array, shown
 from paretoik.robot.pose import Pose
 
 INERTIA_TOLERANCE = 1e-15  # kg m²: less than a grain of sand has, and than the rounding of real files
@@ -39,15 +39,15 @@ class Body:
             raise InvalidInput(f"{name}: centre of gravity wants three finite numbers, got {shown(center)}")
         if tensor.shape != (3, 3) or not np.all(np.isfinite(tensor)):
             raise InvalidInput(f"{name}: inertia wants 3 × 3 finite numbers, got {shown(inertia)}")
+        for part, values, unit in (
+            ("mass", mass, "kg"),
+            ("centre of gravity", position, "m"),
+            ("inertia", tensor, "kg m²"),
+        ):
+            check_magnitude(f"{name}: {part}", values, unit)
         if fault := inertia_fault(tensor):
             raise InvalidInput(f"{name}: {fault}")
-        body = cls(mass=mass, center=position, inertia=tensor)
-        with np.errstate(over="ignore", invalid="ignore"):
-            if not np.isfinite(body.inertia_about_origin).all():
-                raise InvalidInput(
-                    f"{name}: a mass and a centre of gravity wanted that can be added up, got {mass:g} kg"
-                )
-        return body
+        return cls(mass=mass, center=position, inertia=tensor)
 
     @property
     def first_moment(self) -> Vector3:
@@ -84,7 +84,7 @@ def inertia_fault(inertia: Matrix3) -> str | None:
         return f"inertia must be positive, got its smallest principal moment of {principal[0]:.3g} kg m²"
     if principal[0] + principal[1] < principal[2] * (1 - 1e-6):
         return (
-            f"inertia breaks the triangle inequality, which it must keep: got principal moments {principal[0]:.4g}, "
+            f"inertia must keep the triangle inequality, got principal moments {principal[0]:.4g}, "
             f"{principal[1]:.4g} and {principal[2]:.4g} kg m²"
         )
     return None

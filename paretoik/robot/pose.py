@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.errors import InvalidInput
-from paretoik.inputs import ArrayLike, check_angles, finite_array, finite_number, shown
+from paretoik.inputs import ArrayLike, check_angles, check_magnitude, finite_array, finite_number, shown
 from paretoik.tables import field_representation, html_representation
 
 UNIT_TOLERANCE = 1e-6  # a quaternion or a rotation matrix this near to orthonormal is normalised
@@ -42,6 +42,7 @@ class Pose:
 
     def __init__(self, position: ArrayLike, quaternion: ArrayLike = (1.0, 0.0, 0.0, 0.0)) -> None:
         coordinates = finite_array("pose position", position, shape=(3,))
+        check_magnitude("pose position", coordinates, "m")
         orientation = unit_quaternions("pose quaternion", finite_array("pose quaternion", quaternion, shape=(4,)))
         _freeze(self, coordinates, orientation)
 

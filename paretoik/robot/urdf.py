@@ -23,6 +23,7 @@ from paretoik.robot.frame import Frame
 from paretoik.robot.pose import Pose
 from paretoik.robot.urdf_chain import Chain, find_zero_limits, select_chain
 from paretoik.robot.urdf_description import JointDescription, RobotDescription
+from paretoik.robot.urdf_faults import inertia_faults, list_messages
 from paretoik.robot.urdf_reading import read_robot
 from paretoik.tables import fit_screen, html_representation
 
@@ -65,6 +66,7 @@ def check_robot(file: str | Path, base: str | None = None, tip: str | None = Non
         summary.append(f"root {robot.roots[0]}, leaves {', '.join(robot.leaves)}")
         if tip is None and len(robot.leaves) > 1:
             summary.append("several leaves: name one as tip to see its chain")
+            faults = list_messages(inertia_faults(robot.links.values()))
         else:
             chain = select_chain(str(file), robot, base, tip, {})
             summary.append(f"chain {chain.base} to {chain.tip}: {len(chain.moving)} moving joints")
@@ -117,10 +119,12 @@ def _build_arm(source: str, robot: RobotDescription, chain: Chain) -> Arm:
             frames, placements = _place_links(chain)
             bodies = _merge_links(robot, frames, len(moving))
     except InvalidInput as error:  # an offset that is not finite
-        raise InvalidRobot(source, [f"the robot is too large, {error}"]) from None
+        raise InvalidRobot(source, [f"the robot: {error}"]) from None
     for joint, body in zip(moving, bodies, strict=True):
         if not np.isfinite([body.mass, *body.center, *body.inertia.flat]).all():
-            raise InvalidRobot(source, [f"joint {shown(joint.name)}: the masses that it moves are too large to add up"])
+            raise InvalidRobot(
+                source, [f"joint {shown(joint.name)}: masses that can be added up wanted, got too large ones"]
+            )
     return Arm(
         name=robot.name,
         joint_names=tuple(joint.name for joint in moving),

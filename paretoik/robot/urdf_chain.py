@@ -9,6 +9,7 @@ from paretoik.errors import InvalidInput
 from paretoik.inputs import finite_number, likely_spelling, listed, shown
 from paretoik.robot.arm_inputs import JOINT_TYPES
 from paretoik.robot.urdf_description import JointDescription, RobotDescription
+from paretoik.robot.urdf_faults import inertia_faults, list_messages
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,14 +45,19 @@ def select_chain(
     others = {joint.name: joint for joint in below if joint.type != "fixed" and joint not in moving}
     frozen = {name: _frozen_value(name, others, fixed) for name in others}
     faults = [
-        f"joint {joint.name!r}: {'mimic' if joint.mimic else joint.type} joints cannot be on the chain from base to tip"
+        f"joint {joint.name!r}: joints of one freedom of their own wanted on the chain from base to tip, got a "
+        f"{'mimic' if joint.mimic else joint.type} one"
         for joint in moving
         if joint.mimic or joint.type not in JOINT_TYPES
     ]
+    links = dict.fromkeys((start, *(joint.child for joint in path)))
+    aside = [robot.links[joint.child] for joint in below if joint.child not in links]
+    faults += list_messages(inertia_faults(robot.links[link] for link in links))
     if not moving:
-        faults.append(f"no joint moves between {start!r} and {end!r}")
+        faults.append(f"a joint that moves wanted between {start!r} and {end!r}, got none")
     leaders = {joint.name for joint in moving}
     notices = [_frozen_notice(joint, frozen[name], path, leaders) for name, joint in others.items()]
+    notices += [f"{fault}; off the chain, taken as a point mass" for fault in list_messages(inertia_faults(aside))]
     if start != robot.roots[0]:
         notices.insert(0, f"base {start!r} is not the root {robot.roots[0]!r}: what is above it is left out")
     for name in _massless_joints(robot, start, below, moving):
@@ -67,7 +73,7 @@ def select_chain(
 def find_zero_limits(chain: Chain) -> list[str]:
     """Return a message for every velocity or effort limit of 0 on the chain."""
     return [
-        f"joint {joint.name!r}: {name} limit is 0, pass zero_limits='unlimited' if it means none"
+        f"joint {joint.name!r}: {name} limit must not be 0, got 0; zero_limits='unlimited' says that it means none"
         for joint in chain.moving
         for name, limit in (("velocity", joint.velocity), ("effort", joint.effort))
         if limit == 0.0

@@ -18,18 +18,22 @@ Numbers: TypeAlias = tuple[float, ...]
 
 @dataclass(frozen=True, kw_only=True)
 class LinkDescription:
-    """A link: mass [kg], then position [m] and roll, pitch, yaw [rad] of its inertial frame and the inertia in it."""
+    """A link: mass [kg], then position [m] and roll, pitch, yaw [rad] of its inertial frame and the inertia in it.
+
+    ``inertia_fault`` is why that inertia is none of a real body, with the line of the file; None where it is one.
+    """
 
     name: str
     mass: float = 0.0
     xyz: Numbers = (0.0, 0.0, 0.0)
     rpy: Numbers = (0.0, 0.0, 0.0)
     inertia_entries: Numbers = (0.0,) * 6  # as INERTIA_ENTRIES [kg m²]
+    inertia_fault: tuple[int, str] | None = None
 
     @property
     def inertia(self) -> Matrix3:
-        """Inertia about the centre of gravity in the axes of the inertial frame [kg m²]."""
-        return inertia_matrix(self.inertia_entries)
+        """Inertia about the centre of gravity in the axes of the inertial frame [kg m²]; 0 where it has a fault."""
+        return inertia_matrix(self.inertia_entries) * (self.inertia_fault is None)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,7 +56,10 @@ class JointDescription:
 
 @dataclass(frozen=True, kw_only=True)
 class RobotDescription:
-    """All links and joints of a file, with the faults and warnings that its validation gave, and its SHA-256."""
+    """All links and joints of a file, with the faults and warnings that its validation gave, and its SHA-256.
+
+    Of a robot whose only faults are inertias there are no ``faults``: they matter on a chain alone.
+    """
 
     name: str
     digest: str

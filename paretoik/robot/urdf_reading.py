@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from hashlib import sha256
 from pathlib import Path
@@ -21,7 +20,8 @@ from paretoik.robot.urdf_description import (
     RobotDescription,
     inertia_matrix,
 )
-from paretoik.robot.urdf_tree import Fault, find_tree_faults
+from paretoik.robot.urdf_faults import Fault, inertia_faults, list_messages
+from paretoik.robot.urdf_tree import find_tree_faults
 from paretoik.robot.urdf_xml import Element, parse_elements, read_bytes
 
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?inf(inity)?|[+-]?nan", re.ASCII | re.IGNORECASE)
@@ -33,7 +33,6 @@ class ValidationOptions:
 
     max_links: int = 1000
     max_name: int = 200  # characters
-    max_messages: int = 100  # faults, or warnings, that are listed
     max_text: int = 80  # characters of a value that a message quotes
     axis_tolerance: float = 1e-3  # an axis whose length is farther from 1 was hardly meant as a direction
 
@@ -52,9 +51,9 @@ def read_robot(file: Path) -> RobotDescription:
     elements = {tag: reader.by_name(root, tag) for tag in ("link", "joint")}
     count = len(elements["link"])
     if not count:
-        reader.fault(root, "the robot has no link")
+        reader.fault(root, "the robot must have a link, got none")
     elif count > OPTIONS.max_links:
-        reader.fault(root, f"the robot has {count} links, at most {OPTIONS.max_links} are read")
+        reader.fault(root, f"the robot: at most {OPTIONS.max_links} links wanted, got {count}")
     links = {name: _read_link(name, element, reader) for name, element in elements["link"].items()}
     joints = {name: _read_joint(name, element, reader) for name, element in elements["joint"].items()}
     lines = {name: element.line for name, element in elements["joint"].items()}
@@ -68,17 +67,9 @@ def read_robot(file: Path) -> RobotDescription:
         digest=sha256(data).hexdigest(),
         links=links,
         joints=joints,
-        faults=_listed(reader.faults),
-        warnings=_listed(reader.warnings),
+        faults=list_messages([*reader.faults, *inertia_faults(links.values())] if reader.faults else []),
+        warnings=list_messages(reader.warnings),
     )
-
-
-def _listed(messages: Iterable[Fault]) -> tuple[str, ...]:
-    """Return messages by line, as text; of very many the first ``max_messages``."""
-    ordered = sorted(messages, key=lambda message: message[0])
-    excess = len(ordered) - OPTIONS.max_messages
-    lines = [f"line {line}: {text}" for line, text in ordered[: OPTIONS.max_messages]]
-    return (*lines, *([f"and {excess} more"] if excess > 0 else []))
 
 
 @dataclass
@@ -106,11 +97,12 @@ class _Reader:
         for element in root.find_all(tag):
             name = element.attributes.get("name", "")
             if not name:
-                self.fault(element, f"a <{tag}> has no name")
+                self.fault(element, f"a <{tag}> must have a name, got none")
             elif len(name) > OPTIONS.max_name:
-                self.fault(element, f"{tag} {name[: OPTIONS.max_text]!r}...: name is {len(name)} characters long")
+                wish = f"a name of at most {OPTIONS.max_name} characters"
+                self.fault(element, f"{tag} {name[: OPTIONS.max_text]!r}...: {wish} wanted, got {len(name)}")
             elif name in elements:
-                self.fault(element, f"{tag} {name!r}: name already used on line {elements[name].line}")
+                self.fault(element, f"{tag} {name!r}: a name of its own wanted, got that of line {elements[name].line}")
             else:
                 elements[name] = element
         return elements
@@ -119,14 +111,14 @@ class _Reader:
         """Return the only child of a tag, or None; several are a fault."""
         children = element.find_all(tag)
         if len(children) > 1:
-            self.fault(children[1], f"{owner}: wants one <{tag}>, has {len(children)}")
+            self.fault(children[1], f"{owner}: wants one <{tag}>, got {len(children)}")
         return children[0] if children else None
 
     def numbers(self, owner: str, element: Element, name: str, default: str | None, count: int = 1) -> Numbers | None:
         """Return ``count`` numbers of an attribute, not NaN; None, with a fault, where they are not there."""
         text = element.attributes.get(name, default)
         if text is None:
-            self.fault(element, f"{owner}: <{element.tag}> lacks {name}")
+            self.fault(element, f"{owner}: <{element.tag}> must have {name}, got none")
             return None
         words = text.split()
         values = [float(word) for word in words if NUMBER.fullmatch(word)]
@@ -162,14 +154,22 @@ def _read_link(name: str, element: Element, reader: _Reader) -> LinkDescription:
         return LinkDescription(name=name)
     xyz, rpy = reader.origin(owner, inertial)
     mass = _read_mass(owner, inertial, reader)
-    entries = _read_inertia(owner, inertial, mass, reader)
-    return LinkDescription(name=name, mass=mass or 0.0, xyz=xyz, rpy=rpy, inertia_entries=entries)
+    entries, line = _read_inertia(owner, inertial, mass, reader)
+    fault = inertia_fault(inertia_matrix(entries))
+    return LinkDescription(
+        name=name,
+        mass=mass or 0.0,
+        xyz=xyz,
+        rpy=rpy,
+        inertia_entries=entries,
+        inertia_fault=(line, f"{owner}: {fault}") if fault else None,
+    )
 
 
 def _read_mass(owner: str, inertial: Element, reader: _Reader) -> float | None:
     element = reader.child(owner, inertial, "mass")
     if element is None:
-        reader.fault(inertial, f"{owner}: its <inertial> has no <mass>")
+        reader.fault(inertial, f"{owner}: its <inertial> must have a <mass>, got none")
         return None
     value = reader.finite(owner, element, "value", None)
     if value is not None and value[0] < 0:
@@ -178,24 +178,23 @@ def _read_mass(owner: str, inertial: Element, reader: _Reader) -> float | None:
     return value[0] if value else None
 
 
-def _read_inertia(owner: str, inertial: Element, mass: float | None, reader: _Reader) -> Numbers:
+def _read_inertia(owner: str, inertial: Element, mass: float | None, reader: _Reader) -> tuple[Numbers, int]:
+    """Return the entries of an inertia, whether any body has it or not, and their line."""
     zeros = (0.0,) * len(INERTIA_ENTRIES)
     element = reader.child(owner, inertial, "inertia")
     if element is None:
         if mass != 0.0:
-            reader.fault(inertial, f"{owner}: its <inertial> has no <inertia>")
-        return zeros
+            reader.fault(inertial, f"{owner}: its <inertial> must have an <inertia>, got none")
+        return zeros, inertial.line
     values = [reader.finite(owner, element, name, None) for name in INERTIA_ENTRIES]
     entries = tuple(value[0] for value in values if value)
     if len(entries) < len(INERTIA_ENTRIES):
-        return zeros
-    if fault := inertia_fault(inertia_matrix(entries)):
-        reader.fault(element, f"{owner}: {fault}")
+        return zeros, element.line
     if mass and not any(entries):
         reader.warning(element, f"{owner}: has mass but no inertia, taken as a point mass")
     if mass == 0.0 and any(entries):
         reader.warning(element, f"{owner}: has inertia but no mass")
-    return entries
+    return entries, element.line
 
 
 def _read_joint(name: str, element: Element, reader: _Reader) -> JointDescription:
@@ -231,7 +230,7 @@ def _read_link_name(owner: str, joint: Element, tag: str, reader: _Reader) -> st
     element = reader.child(owner, joint, tag)
     link = element.attributes.get("link", "") if element else ""
     if not link:
-        reader.fault(joint, f"{owner}: names no {tag} link")
+        reader.fault(joint, f"{owner}: must name a {tag} link, got none")
     return link
 
 
@@ -244,7 +243,7 @@ def _read_axis(owner: str, joint: Element, reader: _Reader) -> Numbers:
         return default
     largest = max(abs(value) for value in axis)  # divided by first, so that no square overflows or vanishes
     if largest == 0.0:
-        reader.fault(element, f"{owner}: axis must not be zero")
+        reader.fault(element, f"{owner}: axis must not be zero, got 0 0 0")
         return default
     scaled = np.array(axis) / largest
     length = float(np.linalg.norm(scaled)) * largest
@@ -261,7 +260,7 @@ def _read_limits(owner: str, joint_type: str, joint: Element, reader: _Reader) -
     element = reader.child(owner, joint, "limit")
     if element is None:
         if joint_type != "continuous":
-            reader.fault(joint, f"{owner}: a {joint_type} joint wants a <limit>, has none")
+            reader.fault(joint, f"{owner}: a {joint_type} joint wants a <limit>, got none")
         return unlimited
     positions = [reader.numbers(owner, element, name, "0") for name in ("lower", "upper")]
     magnitudes = [reader.numbers(owner, element, name, None) for name in ("velocity", "effort")]
@@ -273,7 +272,7 @@ def _read_limits(owner: str, joint_type: str, joint: Element, reader: _Reader) -
     if joint_type == "continuous":
         return -np.inf, np.inf, velocity, effort
     if lower > upper:
-        reader.fault(element, f"{owner}: limits are swapped, lower {lower:g} and upper {upper:g}")
+        reader.fault(element, f"{owner}: limits must not be swapped, got lower {lower:g} and upper {upper:g}")
     elif lower == upper:
         reader.warning(element, f"{owner}: its limits leave it no way to move, both are {lower:g}")
     return lower, upper, velocity, effort

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from paretoik.robot.urdf_description import JointDescription, LinkDescription
-
-Fault = tuple[int, str]  # line of the file, message
+from paretoik.robot.urdf_faults import Fault
 
 
 def find_tree_faults(
@@ -18,24 +17,24 @@ def find_tree_faults(
     for name, joint in joints.items():
         for tag, link in (("parent", joint.parent), ("child", joint.child)):
             if link and link not in links:
-                faults.append((lines[name], f"joint {name!r}: {tag} link {link[:200]!r} does not exist"))
+                faults.append((lines[name], f"joint {name!r}: {tag} must be a link of the robot, got {link[:200]!r}"))
         if joint.child in parent_joint:
             two = f"{parent_joint[joint.child]!r} and {name!r}"
-            faults.append((lines[name], f"link {joint.child!r}: is the child of two joints, {two}"))
+            faults.append((lines[name], f"link {joint.child!r}: must be the child of one joint, got {two}"))
         elif joint.child in links:
             parent_joint[joint.child] = name
         if joint.mimic and joint.mimic[0] not in joints:
             leader = joint.mimic[0][:200]
-            faults.append((lines[name], f"joint {name!r}: mimics joint {leader!r}, which does not exist"))
+            faults.append((lines[name], f"joint {name!r}: must mimic a joint of the robot, got {leader!r}"))
     for loop in _find_loops(joints, lambda joint: parent_joint.get(joint.parent)):
         names = ", ".join(repr(name) for name in loop)
-        faults.append((lines[loop[0]], f"joints form a loop: {names}"))
+        faults.append((lines[loop[0]], f"joints must form a tree, got the loop {names}"))
     for loop in _find_loops(joints, lambda joint: joint.mimic[0] if joint.mimic else None):
-        faults.append((lines[loop[0]], f"joint {loop[0]!r}: mimics itself"))
+        faults.append((lines[loop[0]], f"joint {loop[0]!r}: must mimic another joint, got itself"))
     roots = [link for link in links if link not in parent_joint]
     if len(roots) > 1:
         names = ", ".join(repr(root) for root in roots[:10]) + (", ..." if len(roots) > 10 else "")
-        faults.append((1, f"the robot must have one root link, has {len(roots)}: {names}"))
+        faults.append((1, f"the robot must have one root link, got {len(roots)}: {names}"))
     return faults
 
 

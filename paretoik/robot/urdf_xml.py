@@ -47,11 +47,11 @@ def parse_elements(data: bytes, source: str) -> Element:
     try:
         reader.parser.Parse(data, True)
     except expat.ExpatError as error:
-        raise reader.error(f"not well-formed XML, {expat.ErrorString(error.code)}", error.lineno) from None
+        raise reader.error(f"well-formed XML wanted, got {expat.ErrorString(error.code)}", error.lineno) from None
     except (LookupError, ValueError) as error:
         if isinstance(error, InvalidInput):
             raise
-        raise reader.error(f"not readable as text, {error}", 1) from None
+        raise reader.error(f"readable text wanted, got {error}", 1) from None
     assert reader.root is not None  # expat reports a document without a root element
     return reader.root
 
@@ -66,9 +66,9 @@ def read_bytes(file: Path) -> bytes:
     except OSError as error:
         raise InvalidInput(f"{file}: cannot be read, {error.strerror}") from None
     if not data:
-        raise InvalidRobot(str(file), ["the file is empty"])
+        raise InvalidRobot(str(file), ["a robot wanted, got an empty file"])
     if len(data) > OPTIONS.max_bytes:
-        raise InvalidRobot(str(file), [f"the file is larger than {OPTIONS.max_bytes // 1_000_000} MB"])
+        raise InvalidRobot(str(file), [f"at most {OPTIONS.max_bytes // 1_000_000} MB wanted, got a larger file"])
     return data
 
 
@@ -90,16 +90,16 @@ class _Reader:
         return InvalidRobot(self.source, [f"line {number}: {message}"])
 
     def doctype(self, *_: object) -> None:
-        raise self.error("a DOCTYPE is refused, a URDF needs no entities")
+        raise self.error("a robot without DOCTYPE wanted, as none needs entities, got one")
 
     def start(self, tag: str, attributes: dict[str, str]) -> None:
         self.count += 1
         if self.count > OPTIONS.max_elements:
-            raise self.error(f"more than {OPTIONS.max_elements:,} elements")
+            raise self.error(f"at most {OPTIONS.max_elements:,} elements wanted, got more")
         if len(self.open) == OPTIONS.max_depth:
-            raise self.error(f"elements nested deeper than {OPTIONS.max_depth}")
+            raise self.error(f"elements nested at most {OPTIONS.max_depth} deep wanted, got deeper ones")
         if tag.startswith("xacro:"):
-            raise self.error(f"<{tag}> is a macro, expand the file with xacro first")
+            raise self.error(f"a robot that xacro has expanded wanted, got the macro <{tag[:80]}>")
         element = Element(tag=tag, attributes=attributes, line=self.parser.CurrentLineNumber)
         parent = self.open[-1] if self.open else None
         if not self.open:

@@ -12,6 +12,7 @@ from jaxtyping import Float
 from paretoik.errors import InvalidInput
 from paretoik.inputs import (
     check_function,
+    check_magnitude,
     check_size,
     check_text,
     finite_number,
@@ -218,14 +219,18 @@ def _check_limit(name: str, limit: object) -> None:
             if np.isnan(values).any():
                 joint = f" of joint {np.argwhere(np.isnan(values))[0][-1] + 1}" if values.ndim else ""
                 raise InvalidInput(f"{name}{joint}: wants lower ≤ upper, got nan")
+            check_magnitude(name, values, "")
 
 
 def _sides(name: str, value: object) -> tuple[float, float]:
     """Return the limits of one joint; raises InvalidInput for what is neither a number nor (lower, upper)."""
     if isinstance(value, tuple) and len(value) == 2:
-        return real_number(name, value[0]), real_number(name, value[1])
-    high = real_number(name, value)
-    return -high, high
+        low, high = real_number(name, value[0]), real_number(name, value[1])
+    else:
+        high = real_number(name, value)
+        low = -high
+    check_magnitude(name, (low, high), "")
+    return low, high
 
 
 def _bounds(kind: str, limit: object, declared: np.ndarray | None, arm: Arm, samples: int) -> Bounds:

@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from paretoik.arrays import Times, read_only
 from paretoik.errors import InvalidInput
-from paretoik.inputs import ArrayLike, check_size, finite_array, positive_number, shown
+from paretoik.inputs import ArrayLike, check_magnitude, check_size, finite_array, positive_number, shown
 from paretoik.robot.pose import quaternion_to_matrix, rotation_vector
 from paretoik.task.curves import CLOSURE_TOLERANCE, Curve, Line, Rates, SmoothCurve
 
@@ -37,6 +37,8 @@ class Path:
         if times.ndim != 1 or positions.shape not in ((len(times), 2), (len(times), 3)):
             raise InvalidInput(f"path positions: must be one point for each of the times, got shape {positions.shape}")
         check_instants(times)
+        check_magnitude("path times", times[-1], "s", positive=True)
+        check_magnitude("path positions", positions, "m")
         quaternions = self.quaternions
         if quaternions is not None:
             quaternions = finite_array("path quaternions", quaternions, (len(times), 4))

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.errors import InvalidInput
-from paretoik.inputs import ArrayLike, finite_array, finite_number, positive_number
+from paretoik.inputs import ArrayLike, check_magnitude, finite_array, finite_number, positive_number
 from paretoik.robot.pose import Pose, check_pose, rotation_vector
 from paretoik.task.curves import CLOSURE_TOLERANCE, Circle, Line, TimedCurve, interpolate
 from paretoik.task.path import Path, check_instants, even_times, rotation_angles, sample_curve
@@ -18,9 +18,8 @@ from paretoik.task.path import Path, check_instants, even_times, rotation_angles
 
 @dataclass(frozen=True, kw_only=True)
 class PathOptions:
-    """What no path goes beyond: coordinates ``farthest`` [m], whose squares are numbers, and turns of a circle."""
+    """What no path goes beyond: turns of a circle."""
 
-    farthest: float = 1e100
     most_turns: float = 1e6  # of which the position is exact to 1e-9 of the radius
 
 
@@ -97,7 +96,6 @@ def circle(
     """
     times = even_times(duration, samples)
     radius = positive_number("circle radius", radius, "m")
-    _check_extent("circle radius", np.array(radius))
     number = finite_number("circle turns", turns)
     if not 0 < abs(number) <= OPTIONS.most_turns:
         raise InvalidInput(f"circle turns: must not be 0, and {OPTIONS.most_turns:g} at most, got {number:g}")
@@ -188,7 +186,7 @@ def _point(name: str, value: ArrayLike) -> np.ndarray:
     point = finite_array(name, value)
     if point.shape not in ((2,), (3,)):
         raise InvalidInput(f"{name}: must be a 2-D or 3-D point, got shape {point.shape}")
-    _check_extent(name, point)
+    check_magnitude(name, point, "m")
     return point
 
 
@@ -206,15 +204,8 @@ def _points_or_poses(name: str, values: Sequence[Pose] | Pose | ArrayLike) -> tu
     points = finite_array(name, cast(ArrayLike, values))
     if points.ndim != 2 or points.shape[1] not in (2, 3):
         raise InvalidInput(f"{name}: must be poses or an array of points (n, 2) or (n, 3), got shape {points.shape}")
-    _check_extent(name, points)
+    check_magnitude(name, points, "m")
     return points, None
-
-
-def _check_extent(name: str, points: np.ndarray) -> None:
-    """Raise InvalidInput for points so far away that squares of distances are no numbers."""
-    farthest = float(np.abs(points).max(initial=0.0))
-    if farthest > OPTIONS.farthest:
-        raise InvalidInput(f"{name}: must be within {OPTIONS.farthest:g} m, got {farthest:g} m")
 
 
 def _plane_axes(normal: ArrayLike) -> Float[np.ndarray, "2 3"]:

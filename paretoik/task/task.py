@@ -25,8 +25,8 @@ from paretoik.robot.components import (
 from paretoik.robot.frame import Frame
 from paretoik.robot.kinematics import LinkFrames, frame_components, jacobian_components, link_frames
 from paretoik.robot.pose import quaternion_to_matrix, rotation_vector
-from paretoik.task.orientation_error import SINE_TOLERANCE, axis_times_sine, orientation_error
 from paretoik.tables import field_representation, html_representation
+from paretoik.task.orientation_error import SINE_TOLERANCE, axis_times_sine, orientation_error
 from paretoik.task.path import Path
 
 Components: TypeAlias = Sequence[Component]

@@ -129,7 +129,7 @@ def import_pinocchio() -> Any:
         import pinocchio
     except ImportError as fault:
         raise InvalidInput(
-            'verify: wants Pinocchio, which computes dynamics a second time; pip install "paretoik[verify]"'
+            'verify: Pinocchio wanted, which computes dynamics a second time (pip install "paretoik[verify]"), got none'
         ) from fault
     return pinocchio
 

@@ -72,6 +72,37 @@ def test_bad_input_is_one_line_on_stderr_and_exit_code_2(paretoik, mine, finishe
     assert [line for line in ended.err.splitlines()[:-1] if not line.startswith("generation")] == []
 
 
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["solve"], "problem: a value wanted, got none; 'paretoik solve --help' says"),
+        (["compare"], "runs: a value wanted, got none; 'paretoik compare --help' says"),
+        (["solve", "x.py:y"], "--out: a value wanted, got none"),
+        (["solve", "x.py:y", "--out"], "--out: a value wanted, got none; 'paretoik solve --help' says"),
+        (["solve", "x.py:y", "--out", "o", "--seed", "one"], "--seed: an integer wanted, got 'one'"),
+        (["solve", "x.py:y", "--out", "o", "--seed=1.5"], "--seed: an integer wanted, got '1.5'"),
+        (["solve", "x.py:y", "--out", "o", "--seed", "1", "--seed", "x\ny"], r"--seed: an integer wanted, got 'x\ny'"),
+        (["solve", "x.py:y", "--out", "o", "--time-limit", "1e"], "--time-limit: a number wanted, got '1e'"),
+        (
+            ["solve", "x.py:y", "--out", "o", "--solver", "x"],
+            "--solver: one of auto, interior-point, sqp wanted, got 'x'",
+        ),
+        (["solve", "x.py:y", "--out", "o", "--refine=3"], "--refine: no value wanted, got one"),
+        (["solve", "x.py:y", "--populaton", "9"], "wanted, got '--populaton'; did you mean '--population'?"),
+        (["--bogus"], "option: one of those of paretoik wanted, got '--bogus'"),
+        (["show", "a", "b (c)"], "arguments: no more of them wanted, got 'b (c)'; 'paretoik show --help' says"),
+        (["slove"], "show, export, report, compare, verify, check-robot wanted, got 'slove'; did you mean 'solve'?"),
+        ([""], "check-robot wanted, got ''"),
+    ],
+)
+def test_words_that_make_no_command_are_one_line_with_name_wish_and_fact(paretoik, words, message):
+    ended = paretoik(*words)
+    assert (ended.code, ended.out) == (2, "")
+    assert ended.err.startswith("error: ")
+    assert ended.err.count("\n") == 1
+    assert message in ended.err
+
+
 def test_a_warning_is_one_line_on_stderr(mine, finished, tmp_path):
     moved = tmp_path / "moved"
     moved.mkdir()

@@ -28,6 +28,14 @@ def test_room_is_on_the_disk_until_it_is_left(tmp_path):
     assert file.stat().st_size == OPTIONS.bytes
 
 
+def test_a_link_in_its_place_is_not_followed_and_nothing_is_held(tmp_path):
+    (tmp_path / "precious").write_bytes(b"mine")
+    (tmp_path / "reserve").symlink_to(tmp_path / "precious")
+    ReservedSpace(tmp_path / "reserve").release()
+    assert (tmp_path / "precious").read_bytes() == b"mine"
+    assert not (tmp_path / "reserve").is_symlink()
+
+
 def test_a_disk_without_room_is_refused_and_nothing_stays_on_it(tmp_path, monkeypatch):
     def fail(*_):
         raise OSError(errno.ENOSPC, "No space left on device")

@@ -60,10 +60,11 @@ def test_no_more_time_is_reserved_than_the_longest():
 
 
 def test_a_limit_that_is_reached_leaves_no_time_to_reserve():
-    with time_limit(0.05), pytest.raises(Interrupted):
+    with time_limit(0.05):
         with reserve_time(0.0, 0.0):
             time.sleep(0.1)
-        wait_for_interruption()
+        with pytest.raises(Interrupted):
+            wait_for_interruption()
 
 
 def test_without_a_limit_no_time_is_reserved():

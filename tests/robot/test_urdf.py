@@ -156,7 +156,10 @@ def test_a_link_with_inertia_and_no_mass_adds_its_inertia(write_urdf):
 
 @pytest.mark.parametrize(
     ("inside", "words"),
-    [('<origin xyz="1e308 0 0"/>', "too large, pose position"), ('<origin xyz="1e200 0 0"/>', "too large to add up")],
+    [
+        ('<origin xyz="1e308 0 0"/>', "the robot: pose position"),
+        ('<origin xyz="1e200 0 0"/>', "the robot: pose position: at most"),
+    ],
 )
 def test_offsets_that_overflow_are_refused(write_urdf, inside, words):
     parts = [*chain_of_three(), link("e"), link("f")]
@@ -218,8 +221,8 @@ def test_a_zero_limit_is_a_warning_and_a_required_choice(write_urdf, what):
     file = write_urdf(*chain_of_three(inside=limit))
     report = check_robot(file)
     assert report.faults == ()
-    assert any(f"joint 'j2': {what} limit is 0" in warning for warning in report.warnings)
-    with pytest.raises(InvalidInput, match=rf"joint 'j2': {what} limit is 0, pass zero_limits='unlimited'"):
+    assert any(f"joint 'j2': {what} limit must not be 0, got 0" in warning for warning in report.warnings)
+    with pytest.raises(InvalidInput, match=rf"joint 'j2': {what} limit must not be 0, got 0; zero_limits='unlimited'"):
         Arm.from_urdf(file)
     arm = Arm.from_urdf(file, zero_limits="unlimited")
     limits = {"velocity": arm.velocity_limits, "effort": arm.torque_limits}[what]

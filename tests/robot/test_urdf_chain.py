@@ -9,9 +9,10 @@ from paretoik.errors import InvalidInput, InvalidRobot
 from paretoik.robot.arm import Arm
 from paretoik.robot.dynamics import inverse_dynamics
 from paretoik.robot.kinematics import forward_kinematics
+from paretoik.robot.urdf import check_robot
 from paretoik.task.motion_task_validation import lacks_masses
 from tests.robot.conftest import PANDA
-from tests.robot.urdf_text import LIMIT, chain_of_three, joint, link
+from tests.robot.urdf_text import BODY, LIMIT, chain_of_three, joint, link
 
 
 @pytest.mark.usefixtures("unchecked")
@@ -62,7 +63,10 @@ def test_a_base_above_the_root_leaves_out_what_is_before_it(panda_arm):
 
 @pytest.mark.parametrize("kind", ["planar", "floating"])
 def test_joints_with_several_freedoms_are_refused_by_name_on_the_chain_only(write_urdf, kind):
-    with pytest.raises(InvalidRobot, match=f"joint 'j2': {kind} joints cannot be on the chain"):
+    with pytest.raises(
+        InvalidRobot,
+        match=f"joint 'j2': joints of one freedom of their own wanted on the chain from base to tip, got a {kind}",
+    ):
         Arm.from_urdf(write_urdf(*chain_of_three(kind, "")))
     arm = Arm.from_urdf(write_urdf(*chain_of_three(), link("e"), joint("side", "a", "e", kind, "")), tip="d")
     assert arm.dof == 3
@@ -71,7 +75,9 @@ def test_joints_with_several_freedoms_are_refused_by_name_on_the_chain_only(writ
 
 def test_a_mimic_joint_is_refused_by_name_on_the_chain_unless_it_is_fixed(write_urdf):
     file = write_urdf(*chain_of_three(inside=LIMIT + '<mimic joint="j1"/>'))
-    with pytest.raises(InvalidRobot, match="joint 'j2': mimic joints cannot be on the chain"):
+    with pytest.raises(
+        InvalidRobot, match=r"joint 'j2': joints of one freedom of their own wanted on the chain .*, got a mimic"
+    ):
         Arm.from_urdf(file)
     assert Arm.from_urdf(file, fixed={"j2": 0.5}).joint_names == ("j1", "j3")
 
@@ -104,5 +110,41 @@ def test_a_massless_moving_link_is_told_and_serves_kinematics_alone(write_urdf):
 
 def test_a_chain_without_a_moving_joint_is_refused(write_urdf):
     file = write_urdf(link("a"), link("b"), joint("j", "a", "b", "fixed", ""))
-    with pytest.raises(InvalidRobot, match="no joint moves between 'a' and 'b'"):
+    with pytest.raises(InvalidRobot, match="a joint that moves wanted between 'a' and 'b'"):
         Arm.from_urdf(file)
+
+
+WRONG = BODY.replace('izz="1"', 'izz="9"')
+
+
+@pytest.mark.parametrize(("parent", "moved"), [("a", 0.0), ("d", 1.0)])
+def test_an_antenna_with_a_wrong_inertia_is_a_point_mass_and_is_told(write_urdf, parent, moved):
+    parts = [*chain_of_three(), link("antenna", WRONG), joint("mast", parent, "antenna", "fixed", "")]
+    file = write_urdf(*parts)
+    arm = Arm.from_urdf(file, tip="d")
+    words = "link 'antenna': inertia must keep the triangle inequality"
+    assert next(notice for notice in arm.notices if words in notice).endswith("; off the chain, taken as a point mass")
+    assert arm.bodies[2].mass == 1.0 + moved
+    np.testing.assert_array_equal(arm.bodies[2].inertia, np.eye(3))
+    report = check_robot(file, tip="d")
+    assert report.faults == ()
+    assert any(words in warning for warning in report.warnings)
+    if parent == "d":
+        assert any(words in fault for fault in check_robot(file).faults)  # it is the only leaf, and so the tip
+        with pytest.raises(InvalidRobot, match=words):
+            Arm.from_urdf(file, tip="antenna")
+
+
+def test_without_a_tip_every_wrong_inertia_is_a_fault(write_urdf):
+    parts = [*chain_of_three(), link("e", WRONG), link("f", WRONG), joint("k", "d", "e", "fixed", "")]
+    file = write_urdf(*parts, joint("m", "d", "f", "fixed", ""))
+    assert [fault.split("'")[1] for fault in check_robot(file).faults] == ["e", "f"]
+
+
+def test_beside_other_faults_a_wrong_inertia_is_listed_wherever_it_is(write_urdf):
+    parts = [*chain_of_three(), link("antenna", WRONG), link("e", "<inertial/>")]
+    file = write_urdf(*parts, joint("k", "d", "e", "fixed", ""), joint("mast", "a", "antenna", "fixed", ""))
+    with pytest.raises(InvalidRobot) as refused:
+        Arm.from_urdf(file, tip="d")
+    assert any("triangle" in fault for fault in refused.value.faults)
+    assert any("<mass>" in fault for fault in refused.value.faults)

@@ -27,31 +27,31 @@ FAULTS = {
     "NaN mass": (massed('<mass value="nan"/>'), "line 4: link 'b': mass value must be a number, got 'nan'"),
     "infinite mass": (massed('<mass value="1e999"/>'), "line 4: link 'b': mass value must be finite, got '1e999'"),
     "negative mass": (massed('<mass value="-2"/>'), "line 4: link 'b': mass must not be negative, got -2 kg"),
-    "missing mass": (massed(""), "line 4: link 'b': its <inertial> has no <mass>"),
-    "mass without value": (massed("<mass/>"), "line 4: link 'b': <mass> lacks value"),
+    "missing mass": (massed(""), "line 4: link 'b': its <inertial> must have a <mass>, got none"),
+    "mass without value": (massed("<mass/>"), "line 4: link 'b': <mass> must have value, got none"),
     "mass with a comma": (massed('<mass value="1,5"/>'), "must be a number, got '1,5'"),
     "mass with an underscore": (massed('<mass value="1_5"/>'), "must be a number, got '1_5'"),
     "mass in Arabic digits": (massed('<mass value="١"/>'), "must be a number, got '١'"),
-    "two masses": (massed(MASS + MASS), "line 4: link 'b': wants one <mass>, has 2"),
-    "two inertials": (robot(BODY + BODY), "line 4: link 'b': wants one <inertial>, has 2"),
-    "missing inertia": (massed(MASS, ""), "line 4: link 'b': its <inertial> has no <inertia>"),
-    "half an inertia": (massed(MASS, '<inertia ixx="1"/>'), "line 4: link 'b': <inertia> lacks izz"),
+    "two masses": (massed(MASS + MASS), "line 4: link 'b': wants one <mass>, got 2"),
+    "two inertials": (robot(BODY + BODY), "line 4: link 'b': wants one <inertial>, got 2"),
+    "missing inertia": (massed(MASS, ""), "line 4: link 'b': its <inertial> must have an <inertia>, got none"),
+    "half an inertia": (massed(MASS, '<inertia ixx="1"/>'), "line 4: link 'b': <inertia> must have izz, got none"),
     "NaN inertia": (moments("NaN", 1, 1), "line 4: link 'b': inertia ixx must be a number, got 'NaN'"),
     "negative inertia": (moments(-1, 1, 1), "line 4: link 'b': inertia must be positive, got its smallest principal"),
     "indefinite inertia": (moments(1, 1, 1, xy=2), "line 4: link 'b': inertia must be positive"),
     "triangle": (
         moments(1, 1, 3),
-        "line 4: link 'b': inertia breaks the triangle inequality, which it must keep: got principal moments 1, 1 ",
+        "line 4: link 'b': inertia must keep the triangle inequality, got principal moments 1, 1 ",
     ),
     "origin": (massed(MASS + '<origin xyz="0 0"/>'), "line 4: link 'b': origin xyz must be 3 numbers, got '0 0'"),
-    "zero axis": (limited(LIMIT + '<axis xyz="0 0 0"/>'), "line 5: joint 'j': axis must not be zero"),
+    "zero axis": (limited(LIMIT + '<axis xyz="0 0 0"/>'), "line 5: joint 'j': axis must not be zero, got 0 0 0"),
     "text axis": (limited(LIMIT + '<axis xyz="x"/>'), "line 5: joint 'j': axis xyz must be 3 numbers, got 'x'"),
     "NaN axis": (limited(LIMIT + '<axis xyz="0 nan 1"/>'), "line 5: joint 'j': axis xyz must be 3 numbers"),
-    "axis without xyz": (limited(LIMIT + "<axis/>"), "line 5: joint 'j': <axis> lacks xyz"),
+    "axis without xyz": (limited(LIMIT + "<axis/>"), "line 5: joint 'j': <axis> must have xyz, got none"),
     "joint origin": (limited(LIMIT + '<origin rpy="0 0 inf"/>'), "line 5: joint 'j': origin rpy must be finite"),
     "swapped limits": (
         limited('<limit lower="1" upper="-1" velocity="1" effort="1"/>'),
-        "line 5: joint 'j': limits are swapped, lower 1 and upper -1",
+        "line 5: joint 'j': limits must not be swapped, got lower 1 and upper -1",
     ),
     "NaN limit": (
         limited('<limit lower="nan" upper="1" velocity="1" effort="1"/>'),
@@ -61,22 +61,31 @@ FAULTS = {
         limited('<limit lower="0" upper="1" velocity="-1" effort="1"/>'),
         "line 5: joint 'j': velocity limit must not be negative, got -1",
     ),
-    "no velocity": (limited('<limit lower="0" upper="1" effort="1"/>'), "line 5: joint 'j': <limit> lacks velocity"),
-    "no limit": (limited(""), "line 5: joint 'j': a revolute joint wants a <limit>, has none"),
-    "no limit on a slide": (limited("", "prismatic"), "a prismatic joint wants a <limit>, has none"),
+    "no velocity": (
+        limited('<limit lower="0" upper="1" effort="1"/>'),
+        "line 5: joint 'j': <limit> must have velocity, got none",
+    ),
+    "no limit": (limited(""), "line 5: joint 'j': a revolute joint wants a <limit>, got none"),
+    "no limit on a slide": (limited("", "prismatic"), "a prismatic joint wants a <limit>, got none"),
     "unknown type": (limited(LIMIT, "ball"), "line 5: joint 'j': type must be one of revolute, continuous, "),
     "no type": (robot(joint=f'<joint name="j">{ENDS}</joint>'), "line 5: joint 'j': type must be one of"),
-    "no child": (jointed('<parent link="a"/>' + LIMIT), "line 5: joint 'j': names no child link"),
+    "no child": (jointed('<parent link="a"/>' + LIMIT), "line 5: joint 'j': must name a child link, got none"),
     "mimic with text": (limited(LIMIT + '<mimic joint="j" multiplier="m"/>'), "mimic multiplier must be a number"),
-    "two links of a name": (robot(more='<link name="a"/>'), "line 6: link 'a': name already used on line 3"),
-    "two joints of a name": (robot(more=JOINT), "line 6: joint 'j': name already used on line 5"),
-    "link without a name": (robot(more="<link/>"), "line 6: a <link> has no name"),
-    "name of a novel": (robot(more=f'<link name="{"x" * 5000}"/>'), "name is 5000 characters long"),
-    "no links": (HEAD + TAIL, "line 2: the robot has no link"),
+    "two links of a name": (
+        robot(more='<link name="a"/>'),
+        "line 6: link 'a': a name of its own wanted, got that of line 3",
+    ),
+    "two joints of a name": (robot(more=JOINT), "line 6: joint 'j': a name of its own wanted, got that of line 5"),
+    "link without a name": (robot(more="<link/>"), "line 6: a <link> must have a name, got none"),
+    "name of a novel": (
+        robot(more=f'<link name="{"x" * 5000}"/>'),
+        "a name of at most 200 characters wanted, got 5000",
+    ),
+    "no links": (HEAD + TAIL, "line 2: the robot must have a link, got none"),
     "text damping": (limited(LIMIT + '<dynamics damping="wet"/>'), "dynamics damping must be a number, got 'wet'"),
     "too many links": (
         robot(more="".join(f'<link name="n{i}"/>' for i in range(1000))),
-        "the robot has 1002 links, at most 1000 are read",
+        "the robot: at most 1000 links wanted, got 1002",
     ),
 }
 
@@ -109,7 +118,7 @@ def test_all_faults_of_a_file_are_listed_at_once_in_the_order_of_its_lines(tmp_p
     lines = [int(fault.split(":")[0].removeprefix("line ")) for fault in faults]
     assert lines == sorted(lines)
     assert len(faults) == 7
-    for words in ("negative", "triangle", "swapped", "zero", "mimics", "already used", "one root"):
+    for words in ("negative", "triangle", "swapped", "zero", "mimic a", "of its own", "one root"):
         assert sum(words in fault for fault in faults) == 1
 
 

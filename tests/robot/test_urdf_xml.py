@@ -16,27 +16,30 @@ from tests.robot.urdf_text import chain_of_three
 NESTED = "<a>" * 100_000
 LAUGHS = '<!DOCTYPE r [<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;">]>'
 UNREADABLE = {
-    "empty": ("", "the file is empty"),
-    "blank": ("\n \n", "line 3: not well-formed XML, no element found"),
-    "truncated": (robot()[:-20], "line 5: not well-formed XML, unclosed token"),
-    "truncated in a tag": (robot()[:130], "not well-formed XML"),
-    "not XML": ("solid cube\nfacet", "line 1: not well-formed XML, syntax error"),
-    "JSON": ('{"robot": 1}', "line 1: not well-formed XML"),
-    "NUL": (robot().replace("robot name", "robot\0name"), "line 2: not well-formed XML"),
-    "binary": (bytes(range(256)), "line 1: not well-formed XML"),
-    "wrong encoding": ('<?xml version="1.0" encoding="klingon"?><robot/>', "line 1: not"),
-    "several bytes a letter": ('<?xml version="1.0" encoding="shift_jis"?><robot/>', "line 1: not"),
-    "broken UTF-8": (b'<robot name="\xff\xfe"/>', "line 1: not well-formed XML"),
+    "empty": ("", "a robot wanted, got an empty file"),
+    "blank": ("\n \n", "line 3: well-formed XML wanted, got no element found"),
+    "truncated": (robot()[:-20], "line 5: well-formed XML wanted, got unclosed token"),
+    "truncated in a tag": (robot()[:130], "well-formed XML wanted, got "),
+    "not XML": ("solid cube\nfacet", "line 1: well-formed XML wanted, got syntax error"),
+    "JSON": ('{"robot": 1}', "line 1: well-formed XML wanted, got "),
+    "NUL": (robot().replace("robot name", "robot\0name"), "line 2: well-formed XML wanted, got "),
+    "binary": (bytes(range(256)), "line 1: well-formed XML wanted, got "),
+    "wrong encoding": ('<?xml version="1.0" encoding="klingon"?><robot/>', "line 1: "),
+    "several bytes a letter": ('<?xml version="1.0" encoding="shift_jis"?><robot/>', "line 1: "),
+    "broken UTF-8": (b'<robot name="\xff\xfe"/>', "line 1: well-formed XML wanted, got "),
     "another root": ("<html><body/></html>", "line 1: the root element must be <robot>, got <html>"),
-    "two roots": (robot() + "<robot/>", "not well-formed XML, junk after document element"),
-    "macro": (HEAD + '<xacro:include filename="x"/>' + TAIL, "line 3: <xacro:include> is a macro"),
-    "DOCTYPE": ('<?xml version="1.0"?>\n<!DOCTYPE robot>' + robot()[21:], "line 2: a DOCTYPE is refused"),
-    "ENTITY": (f"{LAUGHS}<robot name='&b;'/>", "line 1: a DOCTYPE is refused"),
-    "external": ('<!DOCTYPE r SYSTEM "http://example.org/x.dtd"><robot/>', "line 1: a DOCTYPE is refused"),
-    "unknown entity": (HEAD + "&secret;" + TAIL, "line 3: not well-formed XML, undefined entity"),
-    "deep": (HEAD + NESTED, "line 3: elements nested deeper than 64"),
-    "many elements": (HEAD + "<link/>\n" * 50_001 + TAIL, "line 50002: more than 50,000 elements"),
-    "huge": (HEAD + " " * 10_000_000, "the file is larger than 10 MB"),
+    "two roots": (robot() + "<robot/>", "well-formed XML wanted, got junk after document element"),
+    "macro": (
+        HEAD + '<xacro:include filename="x"/>' + TAIL,
+        "line 3: a robot that xacro has expanded wanted, got the macro <xacro:include>",
+    ),
+    "DOCTYPE": ('<?xml version="1.0"?>\n<!DOCTYPE robot>' + robot()[21:], "line 2: a robot without DOCTYPE wanted"),
+    "ENTITY": (f"{LAUGHS}<robot name='&b;'/>", "line 1: a robot without DOCTYPE wanted"),
+    "external": ('<!DOCTYPE r SYSTEM "http://example.org/x.dtd"><robot/>', "line 1: a robot without DOCTYPE wanted"),
+    "unknown entity": (HEAD + "&secret;" + TAIL, "line 3: well-formed XML wanted, got undefined entity"),
+    "deep": (HEAD + NESTED, "line 3: elements nested at most 64 deep wanted"),
+    "many elements": (HEAD + "<link/>\n" * 50_001 + TAIL, "line 50002: at most 50,000 elements wanted, got more"),
+    "huge": (HEAD + " " * 10_000_000, "at most 10 MB wanted, got a larger file"),
 }
 
 
@@ -52,7 +55,7 @@ def test_a_file_that_is_no_robots_xml_is_one_error_with_its_line(tmp_path, name)
     assert time.perf_counter() - start < 10.0
     assert len(caught.value.faults) == 1
     assert words in caught.value.faults[0]
-    assert str(caught.value).startswith(f"{file}: 1 fault: ")
+    assert str(caught.value).startswith(f"{file}: a robot without faults wanted, got 1 fault: ")
     assert "\n" not in str(caught.value)
     assert check_robot(file).faults == caught.value.faults
 

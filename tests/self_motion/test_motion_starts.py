@@ -274,6 +274,14 @@ def test_a_closed_path_out_of_reach_is_refused_like_any_other():
         rollout_starts(task_of(tringali_3r(), path, cyclic=True), 60, chance())
 
 
+def test_a_path_ten_lengths_out_of_reach_is_asked_for_metres():
+    for unit, asked in ((1000.0, True), (10.0, False)):
+        path = line(unit * np.array([0.4, 0.0]), unit * np.array([0.2, 0.2]), duration=1.0, samples=21)
+        with pytest.raises(OutOfReach) as refused:
+            rollout_starts(task_of(tringali_3r(), path), 60, chance())
+        assert ("; the arm is 0.489 m long: is the path in metres?" in str(refused.value)) == asked
+
+
 def test_a_spatial_path_out_of_reach_is_refused_with_its_nearest_point():
     path = line([0.5, 0.0, 0.333], [1.5, 0.0, 0.333], duration=1.0, samples=21)
     with pytest.raises(OutOfReach, match=r"at sample 10 .*: \[1.0, 0.0, 0.333\] m is 0.05\d+ m from the nearest"):

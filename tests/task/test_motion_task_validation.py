@@ -95,6 +95,34 @@ def test_only_the_limit_at_the_start_counts_for_the_start():
     assert task(path=from_posture(), start=POSTURE, limits=Limits(position=bound)).start is not None
 
 
+def test_a_start_of_degrees_is_asked_after():
+    with pytest.raises(
+        InvalidInput, match=r"start must be at most .* m; 51\.5662 rad is 8\.21 turns; of degrees, np\.deg2rad"
+    ):
+        task(path=from_posture(), start=np.rad2deg(POSTURE))
+    with pytest.raises(InvalidInput, match=r"start must be at most .*, got 0\.\d+ m$"):  # radians, elsewhere
+        task(path=from_posture(), start=POSTURE + np.array([0.0, 0.5, 0.0]))
+
+
+@pytest.mark.parametrize("height", [1e-6, -0.2])
+def test_a_planar_arm_refuses_points_off_its_plane(height):
+    flat = line([0.4678, 0.0, 0.0], [0.0983, 0.1526, 0.0], duration=1.0, samples=21)
+    tilted = line([0.4678, 0.0, 0.0], [0.0983, 0.1526, height], duration=1.0, samples=21)
+    assert [one.axes for one in task(path=flat).tasks] == ["xy"]
+    wish = r"path: points in the plane z = 0 m of Tringali 3R, printed masses wanted, or axes='xy', got one "
+    with pytest.raises(InvalidInput, match=f"{wish}{height:.3g} m off it$"):
+        task(path=tilted)
+    assert [one.axes for one in task(path=Task(tilted, axes="xy")).tasks] == ["xy"]
+
+
+def test_the_plane_of_a_planar_arm_is_where_its_base_is():
+    raised = pk.arms.tringali_3r().mounted(base=Pose([0.0, 0.0, 0.3]))
+    along = line([0.4678, 0.0, 0.3], [0.0983, 0.1526, 0.3], duration=1.0, samples=21)
+    assert task(arm=raised, path=along).tasks[0].axes == "xy"
+    with pytest.raises(InvalidInput, match=r"in the plane z = 0\.3 m of .* got one -0\.3 m off it"):
+        task(arm=raised, path=line([0.4678, 0.0, 0.0], [0.0983, 0.1526, 0.0], duration=1.0, samples=21))
+
+
 def test_an_upside_down_start_is_not_taken_for_an_upright_one():
     arm = marcos_nr(4)
     q = np.array([0.3, 0.4, 0.5, 0.6])

@@ -104,6 +104,22 @@ def by_hand(name, motion):
     return clearance - BALL.radius - motion.link_radius
 
 
+def test_an_objective_says_what_its_function_says():
+    @pk.objective(unit="rad", form="terminal")
+    def reach_of_wrist(motion):
+        """How far the wrist has turned.
+
+        In the end.
+        """
+        return motion.q[..., -1, -1]
+
+    silent = pk.objective(unit="rad", form="terminal", name="wrist")(lambda motion: motion.q[..., -1, -1])
+    assert reach_of_wrist.__doc__ == "How far the wrist has turned.\n\nIn the end."
+    assert silent.__doc__ == "Objective wrist [rad], terminal."
+    assert all("Source" in one.__doc__ or "." in one.__doc__ for one in LIBRARY)
+    assert "½ q̇ᵀ M q̇" in pk.kinetic_energy.__doc__
+
+
 @every_motion
 @pytest.mark.parametrize("objective", LIBRARY, ids=lambda objective: objective.name)
 def test_the_librarys_objectives_are_what_plain_loops_make_them(objective, motion):

@@ -20,7 +20,7 @@ from paretoik.front.compromise import compromise
 from paretoik.front.front import Choice, Front
 from paretoik.front.prediction import Prediction
 from paretoik.front.provenance import NAVIGATIONS
-from paretoik.inputs import check_function, check_size, shown
+from paretoik.inputs import shown
 from paretoik.review.drawing.choice_layer import ChoiceLayer
 from paretoik.review.drawing.motion_scene import motion_frames
 from paretoik.review.drawing.parallel_axes import drawn_rows
@@ -195,15 +195,10 @@ def open_view(
     height: int | Literal["auto"],
 ) -> FrontView:
     """Return the view that ``front.view`` promises."""
-    for name, size in {"width": width, "height": height}.items():
-        if not (isinstance(size, str) and size == "auto"):
-            check_size(name, size, 1)
-    check_function("on_select", on_select)
     for package in PACKAGES:
         if find_spec(package) is None:
             raise InvalidInput(
-                f"view: the package {package.replace('_', '-')} wanted, which is not installed: "
-                'pip install "paretoik[notebook]"'
+                f'view: the package {package.replace("_", "-")} wanted (pip install "paretoik[notebook]"), got none'
             )
     if not len(front):
         raise Infeasible("view: wanted a front of at least one point, got none: no point was feasible")

@@ -87,8 +87,8 @@ class RecordingFile:
         if _is_alive(opening.run):
             self._file.unlink(missing_ok=True)
         # While it is open no other has its inode.
-        self._written: int | None = os.open(self._file, os.O_RDONLY | os.O_CREAT | os.O_EXCL, 0o666)
-        self._stream, self._drawing = self._open(self._file)
+        self._written: int | None = _create(self._file)
+        self._stream, self._drawing = self._open(self._written)
         self._flushed, self._size = time.monotonic(), 0
         self._pending, self._growth = 0, float(self._options.reserve)  # messages not written, bytes a message at most
 
@@ -133,13 +133,13 @@ class RecordingFile:
             live, self._live = self._live, None
             live.close()
 
-    def _open(self, file: Path) -> tuple[rr.RecordingStream, Drawing]:
-        """Begin a file, and what draws into it."""
+    def _open(self, file: int) -> tuple[rr.RecordingStream, Drawing]:
+        """Begin to record into an open file, whatever has its name by now, and return what draws into it."""
         # The viewer keeps one layout an application, and each run needs its own.
         application = f"{self._opening.title} in {self._file.resolve().parent.name}"
         name = re.sub(r"[^A-Za-z0-9_-]+", "-", application).strip("-")
         stream = Stream(name, self._parent.beat)
-        stream.set_sinks(rr.FileSink(file), *(() if self._live is None else (self._live.sink(),)))
+        stream.set_sinks(rr.FileSink(f"/dev/fd/{file}"), *(() if self._live is None else (self._live.sink(),)))
         stream.send_recording_name(self._opening.title)
         module, _, drawing = self._opening.scene.drawn_by.partition(":")
         return stream, getattr(import_module(module), drawing)(self._opening.scene, stream, self._options)
@@ -153,17 +153,19 @@ class RecordingFile:
         self._stream.disconnect()
         self._check_space(self._file.stat().st_size)
         part = part_of(self._file, self._opening.run)
-        self._stream, self._drawing = self._open(part)
+        part.unlink(missing_ok=True)  # what a killed process left, or a link
+        written = _create(part)
         try:
+            self._stream, self._drawing = self._open(written)
             draw(self._drawing)
             self._check_space(0)
             self._stream.flush()
-            if self._written is None or not os.path.samestat(self._file.stat(), os.fstat(self._written)):
+            if self._written is None or not (_is_at(self._file, self._written) and _is_at(part, written)):
                 raise FileExistsError(errno.EEXIST, "another run writes it")
-            os.close(self._written)
-            self._written = os.open(part, os.O_RDONLY)
             part.replace(self._file)
+            self._written, written = written, self._written
         finally:
+            os.close(written)
             part.unlink(missing_ok=True)
 
     def _flush(self) -> None:
@@ -205,6 +207,16 @@ class RecordingFile:
         disk = os.statvfs(self._file.parent)
         if disk.f_bavail * disk.f_frsize < needed + self._options.reserve:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def _create(file: Path) -> int:
+    """Return the descriptor of a new file; raises FileExistsError where anything has its name, a link too."""
+    return os.open(file, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o666)
+
+
+def _is_at(file: Path, descriptor: int) -> bool:
+    """Say whether an open file still has its name."""
+    return os.path.samestat(file.lstat(), os.fstat(descriptor))
 
 
 def _number(message: Any) -> int | None:

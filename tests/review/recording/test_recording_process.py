@@ -18,7 +18,7 @@ import pytest
 
 from paretoik.front.front import Front
 from paretoik.review.recording.recorder import Generation, Recorder, SearchedFront, SearchEnd
-from paretoik.review.recording.recording_process import RecorderOptions
+from paretoik.review.recording.recording_process import RecorderOptions, part_of
 from tests.review.children import children, wait_for_end
 from tests.review.disks import small_disk
 from tests.review.reading import read, rows
@@ -75,6 +75,32 @@ def silence() -> Iterator[None]:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         yield
+
+
+def test_a_link_planted_at_the_recordings_temporary_name_is_not_followed(tmp_path):
+    precious, file = tmp_path / "precious", tmp_path / "run" / "review.rrd"
+    precious.write_bytes(b"mine")
+    file.parent.mkdir()
+    part_of(file, os.getpid()).symlink_to(precious)
+    started = recorder(file)
+    started.record(generation(1))
+    started.close()
+    assert precious.read_bytes() == b"mine"
+    assert not file.is_symlink()
+    assert sorted(fronts(file)) == [1]
+
+
+def test_a_link_that_takes_the_place_of_a_recording_meanwhile_is_not_followed(tmp_path):
+    precious, file = tmp_path / "precious", tmp_path / "review.rrd"
+    precious.write_bytes(b"mine")
+    started = recorder(file)
+    started.record(generation(1))
+    answered(started)
+    file.unlink()
+    file.symlink_to(precious)
+    with pytest.warns(RuntimeWarning, match="another run writes it"):
+        started.close()
+    assert precious.read_bytes() == b"mine"
 
 
 def test_what_was_sent_stands_in_the_file_and_the_last_front_is_the_one_that_was_returned(tmp_path):

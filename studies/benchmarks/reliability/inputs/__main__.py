@@ -42,7 +42,7 @@ def main() -> None:
 
 def _rows(chosen: list[Case], examples: Examples) -> Iterator[Row]:
     counts: dict[str, Counter[str]] = {}
-    _ = examples.front, examples.plan  # made before anything is judged
+    _ = examples.objects.run_folder, examples.objects.plan_folder  # made before anything is judged
     for case in chosen:
         outcome = judge(case, examples)
         verdict = outcome.verdict

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property, partial
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 
 import paretoik as pk
 from paretoik.joint_trajectory.controller import Braking
+from studies.benchmarks.reliability.inputs.objects import Objects
 from studies.benchmarks.reliability.inputs.surfaces import Argument, Surface
 
 URDF = Path(__file__).parents[4] / "problems" / "robots" / "panda.urdf"
@@ -28,6 +30,9 @@ QUICK: dict[str, dict[str, object]] = {
     "directional_maxima": {"starts": 8, "directions": 4},
 }
 """Settings that keep a call short where the value that was thought bad is taken."""
+
+ALSO: dict[str, tuple[str, ...]] = {"compare": ("fronts",), "resume": ("problem",)}
+"""Arguments that a good call has, although their names are not required."""
 
 STARS: dict[str, dict[str, object]] = {
     "Arm.fixed": {"joints": "joint1"},
@@ -61,14 +66,15 @@ class Examples:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
+        self.objects = Objects(folder)
+        self._files = count()
 
     def arguments(self, surface: Surface, bad: Argument) -> dict[str, object]:
         """Return good arguments by name: those that a call needs, and those that keep it short, but for the bad one."""
-        needed = [each.name for each in surface.arguments if each.is_required and each.name != bad.name]
+        required = [each.name for each in surface.arguments if each.is_required]
+        needed = [name for name in (*required, *ALSO.get(surface.name, ())) if name != bad.name]
         quick = {name: value for name, value in QUICK.get(surface.name, {}).items() if name != bad.name}
-        fronts: dict[str, object] = {"fronts": (self.front, self.front)} if surface.name == "compare" else {}
-        fronts.pop(bad.name, None)
-        return {name: self._value(surface.name, name) for name in needed} | quick | fronts
+        return {name: self._value(surface.name, name) for name in needed} | quick
 
     def owner(self, surface: Surface) -> Any:
         """Return the object that a method belongs to."""
@@ -81,88 +87,15 @@ class Examples:
         return makers[key]()
 
     @cached_property
-    def arm(self) -> pk.Arm:
-        """A planar arm of three joints."""
-        return pk.arms.tringali_3r()
-
-    @cached_property
-    def path(self) -> pk.Path:
-        """A line that the arm follows."""
-        return pk.line((0.4678, 0.0), (0.0983, 0.1526), duration=1.0, samples=21)
-
-    @cached_property
-    def problem(self) -> pk.Tracking:
-        """A problem of two objectives, with gradients."""
-        objectives = [pk.kinetic_energy, pk.torque_norm]
-        return pk.Tracking(self.arm, self.path, objectives=objectives, coefficients=4, bases=2, differences="backward")
-
-    @cached_property
-    def single(self) -> pk.Tracking:
-        """A problem of one objective, to be planned."""
-        return pk.Tracking(
-            self.arm, self.path, objectives=[pk.kinetic_energy], coefficients=4, bases=2, differences="backward"
-        )
-
-    @cached_property
-    def front(self) -> pk.Front:
-        """A certified front, which knows its problem and has a folder."""
-        return pk.epsilon_front(self.problem, points=3, starts=4, out=self.folder / "run")
-
-    @cached_property
-    def plan(self) -> pk.Plan:
-        """A plan, in the folder "plan"."""
-        return pk.plan(self.single, starts=2, out=self.folder / "plan")
-
-    @cached_property
-    def motion(self) -> pk.Motion:
-        """One motion."""
-        time = np.linspace(0.0, 1.0, 11)
-        return pk.Motion(arm=self.arm, time=time, q=np.outer(np.sin(time), [0.2, 0.5, 0.9]))
-
-    @cached_property
-    def search(self) -> pk.Search:
-        """A search that was told of its first points."""
-        search = pk.Search(self.problem, population=8, seed=0)
-        asked = search.ask()
-        values = self.problem.evaluate(asked.X, return_as_dictionary=True)
-        search.tell(asked.ids, values["F"], values["G"])
-        return search
-
-    @cached_property
-    def speeds(self) -> dict[str, np.ndarray]:
-        """Speeds sampled at places (n, 2) in directions (m, 2)."""
-        angles = np.linspace(0.0, 2 * np.pi, 8, endpoint=False)
-        grid = np.stack(np.meshgrid([0.1, 0.2, 0.3], [0.1, 0.2, 0.3]), axis=-1).reshape(-1, 2)
-        directions = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-        return {"positions": grid, "directions": directions, "speeds": 1.0 + 0.1 * np.ones((len(grid), len(angles)))}
-
-    @cached_property
-    def model(self) -> Any:
-        """A model of speeds."""
-        return pk.capability.fit_axes(**self.speeds)
-
-    @cached_property
-    def ellipsoids(self) -> Any:
-        """Another one."""
-        return pk.capability.fit_ellipsoids(*self.speeds.values(), degree=1)
-
-    def _run_folder(self) -> Path:
-        assert self.front.folder is not None
-        return self.front.folder
-
-    def _plan_folder(self) -> Path:
-        return self.folder / "plan" if self.plan.optima else self.folder
-
-    @cached_property
     def _owners(self) -> dict[str, Callable[[], Any]]:
         return {
-            "Arm": lambda: self.arm,
-            "Front": lambda: self.front,
+            "Arm": lambda: self.objects.arm,
+            "Front": lambda: self.objects.front,
             "Limits": pk.Limits,
-            "Motion": lambda: self.motion,
-            "Path": lambda: self.path,
+            "Motion": lambda: self.objects.motion,
+            "Path": lambda: self.objects.path,
             "Pose": lambda: pk.Pose((0.1, 0.2, 0.3)),
-            "Search": lambda: self.search,
+            "Search": lambda: self.objects.search,
             "MaxiMinNSGA2": pk.MaxiMinNSGA2,
             "Aspiration": lambda: pk.Aspiration(kinetic_energy=0.1),
             "Bounds": lambda: pk.Bounds(kinetic_energy=(None, 1.0)),
@@ -178,7 +111,7 @@ class Examples:
 
     @cached_property
     def _controller(self) -> Any:
-        return pk.controllers.Controller(name="ours", joint_names=self.arm.joint_names, rate=100.0)
+        return pk.controllers.Controller(name="ours", joint_names=self.objects.arm.joint_names, rate=100.0)
 
     @cached_property
     def _braking(self) -> Any:
@@ -191,28 +124,30 @@ class Examples:
     @property
     def _common(self) -> dict[str, Callable[[], object]]:
         return {
-            "arm": lambda: self.arm,
-            "path": lambda: self.path,
-            "problem": lambda: self.problem,
-            "plan.problem": lambda: self.single,
-            "front": lambda: self.front,
-            "motion": lambda: self.motion,
-            "reference": lambda: self.motion,
+            "arm": lambda: self.objects.arm,
+            "path": lambda: self.objects.path,
+            "problem": lambda: self.objects.problem,
+            "plan.problem": lambda: self.objects.single,
+            "front": lambda: self.objects.front,
+            "fronts": lambda: (self.objects.front, self.objects.front),
+            "motion": lambda: self.objects.motion,
+            "reference": lambda: self.objects.motion,
             "objectives": lambda: [pk.kinetic_energy, pk.torque_norm],
             "objective": lambda: pk.kinetic_energy,
             "method": pk.methods.PseudoInverse,
             "controller": lambda: "ur5e",
-            "folder": self._run_folder,
-            "load_plan.folder": self._plan_folder,
+            "folder": lambda: self.objects.run_folder,
+            "load_plan.folder": lambda: self.objects.plan_folder,
+            "resume.folder": lambda: self.objects.stopped_folder,
             "Front.save.folder": lambda: self.folder / "saved",
             "file": lambda: URDF,
-            "export.file": lambda: self.folder / "motion.csv",
+            "export.file": lambda: self.folder / f"motion{next(self._files)}.csv",
             "unit": lambda: "m",
             "form": lambda: "integral",
             "name": lambda: "tool",
             "q": lambda: np.zeros(3),
             "preference": pk.Knee,
-            "choice": lambda: int(self.front.ids[1]),
+            "choice": lambda: int(self.objects.front.ids[1]),
             "current": lambda: 0,
             "improve": lambda: "kinetic_energy",
             "samples": lambda: 11,
@@ -256,12 +191,12 @@ class Examples:
             "Path.rates.times": lambda: np.linspace(0.1, 0.9, 5),
             "Path.standing.times": lambda: np.linspace(0.0, 1.0, 5),
             "series": lambda: np.ones(11),
-            "Path.times": lambda: self.path.times,
-            "Path.positions": lambda: self.path.positions,
+            "Path.times": lambda: self.objects.path.times,
+            "Path.positions": lambda: self.objects.path.positions,
             "Path.quaternions": lambda: None,
-            "curve": lambda: self.path.curve,
-            "Motion.time": lambda: self.motion.time,
-            "Motion.q": lambda: self.motion.q,
+            "curve": lambda: self.objects.path.curve,
+            "Motion.time": lambda: self.objects.motion.time,
+            "Motion.q": lambda: self.objects.motion.q,
         }
 
     @property
@@ -272,11 +207,11 @@ class Examples:
             "Front.names": lambda: ["a", "b"],
             "Front.units": lambda: ["", "m"],
             "Front.maximised": lambda: [False, False],
-            "X": lambda: np.full((1, self.problem.n_var), 0.5),
-            "ids": lambda: self.search.ask().ids,
+            "X": lambda: np.full((1, self.objects.problem.n_var), 0.5),
+            "ids": lambda: self.objects.search.ask().ids,
             "F": lambda: np.ones((8, 2)),
             "Controller.name": lambda: "ours",
-            "joint_names": lambda: self.arm.joint_names,
+            "joint_names": lambda: self.objects.arm.joint_names,
             "rate": lambda: 100.0,
             "double_deceleration": lambda: np.ones(3),
             "offset": lambda: np.zeros(3),
@@ -299,21 +234,21 @@ class Examples:
             "directional_maxima.position": lambda: (0.2, 0.2),
             "DirectionalMaxima.directions": lambda: [(1.0, 0.0), (0.0, 1.0)],
             "target": lambda: (0.2, 0.25),
-            "model": lambda: self.model,
+            "model": lambda: self.objects.model,
             "capability.fastest_path.start": lambda: (0.15, 0.15),
             "capability.time_optimal_control.start": lambda: (0.15, 0.15),
             "capability.path_time.points": lambda: [(0.15, 0.15), (0.2, 0.2)],
-            **{name: partial(self.speeds.__getitem__, name) for name in ("positions", "directions", "speeds")},
+            **{name: partial(self.objects.speeds.__getitem__, name) for name in ("positions", "directions", "speeds")},
             "stall": lambda: [1.0, 1.0, 1.0],
             "fastest": lambda: [1.0, 1.0, 1.0],
             "motors": lambda: capability.MotorCurve(stall=[1.0, 1.0, 1.0], fastest=[1.0, 1.0, 1.0]),
             "capability.DistributedActuation.front": lambda: capability.MotorCurve(stall=[1.0] * 3, fastest=[1.0] * 3),
             "rod": lambda: 0.1,
             "front_bounds": lambda: (0.02, 0.08),
-            "axes": lambda: self.model.axes,
-            "polynomials": lambda: self.ellipsoids.polynomials,
-            "capability.AxesEllipses.lower": lambda: self.model.lower,
-            "capability.AxesEllipses.upper": lambda: self.model.upper,
-            "capability.PolynomialEllipsoids.lower": lambda: self.model.lower,
-            "capability.PolynomialEllipsoids.upper": lambda: self.model.upper,
+            "axes": lambda: self.objects.model.axes,
+            "polynomials": lambda: self.objects.ellipsoids.polynomials,
+            "capability.AxesEllipses.lower": lambda: self.objects.model.lower,
+            "capability.AxesEllipses.upper": lambda: self.objects.model.upper,
+            "capability.PolynomialEllipsoids.lower": lambda: self.objects.model.lower,
+            "capability.PolynomialEllipsoids.upper": lambda: self.objects.model.upper,
         }

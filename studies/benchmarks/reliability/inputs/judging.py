@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from paretoik.errors import InvalidInput, ParetoikError
+from paretoik.user_functions import cause_of
 from studies.benchmarks.reliability.inputs.examples import PARTS, STARS, Examples
 from studies.benchmarks.reliability.inputs.faults import BadInput, bad_inputs
 from studies.benchmarks.reliability.inputs.surfaces import Surface
@@ -75,7 +76,7 @@ def judge(case: Case, examples: Examples) -> Outcome:
         except ParetoikError as failure:
             outcome = Outcome(verdict="bad" if case.bad.is_certain else "taken", words=f"{failure}")
         except Exception as error:
-            outcome = Outcome(verdict="bad", words=f"{type(error).__name__}: {_text(error)}")
+            outcome = Outcome(verdict="bad", words=cause_of(error))
         else:
             outcome = Outcome(verdict="taken", words="")
     seconds = time.process_time() - began
@@ -91,7 +92,7 @@ def judge(case: Case, examples: Examples) -> Outcome:
 def _call(case: Case, examples: Examples) -> Any:
     surface, argument = case.surface, case.bad.argument
     value = case.bad.fault.make(examples.folder)
-    given: dict[str, Any] = examples.arguments(surface, argument)
+    others: dict[str, Any] = examples.arguments(surface, argument)
     function = surface.function if surface.owner is None else getattr(examples.owner(surface), surface.method)
     positional, named = [], {}
     for name, parameter in inspect.signature(function).parameters.items():
@@ -102,15 +103,15 @@ def _call(case: Case, examples: Examples) -> Any:
                 positional.append(value)
             else:
                 named[name] = value
-        elif name in given:
+        elif name in others:
             if parameter.kind is parameter.VAR_POSITIONAL:
-                positional.extend(given[name])
+                positional.extend(others[name])
             elif parameter.kind is parameter.VAR_KEYWORD:
-                named.update(given[name])
+                named.update(others[name])
             elif parameter.kind is parameter.POSITIONAL_ONLY:
-                positional.append(given[name])
+                positional.append(others[name])
             else:
-                named[name] = given[name]
+                named[name] = others[name]
 
     def call() -> None:
         result = function(*positional, **named)
@@ -149,10 +150,3 @@ def _is_named(case: Case, message: str) -> bool:
     if "path" in argument.kinds and is_told:
         return True  # a file is called by its path
     return any(re.search(rf"\b{re.escape(name)}\b", message, re.IGNORECASE) for name in names)
-
-
-def _text(error: Exception) -> str:
-    try:
-        return str(error).splitlines()[0] if str(error) else ""
-    except Exception:
-        return "without text"

@@ -53,7 +53,7 @@ RESULTS = frozenset(
     {"Arm", "AxesEllipses", "Choice", "FastestPath", "FitErrors", "PerformancePolygon", "Plan", "PolynomialEllipsoids"}
     | {"ResolvedMotion", "TimeOptimalRun"}
 )
-"""Classes that functions of the library make and return; what is given is checked there."""
+"""Classes that functions of the library make and return; their arguments are checked there."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,13 +83,13 @@ class Surface:
 
 def surfaces() -> list[Surface]:
     """Return all public callables that take an argument, each once."""
-    found: dict[object, Surface] = {}
+    by_function: dict[object, Surface] = {}
     for name in sorted(dir(paretoik)):
         item = getattr(paretoik, name)
         for public, each in _members(name, item) if inspect.ismodule(item) else [(name, item)]:
             for surface in _callables(public, each):
-                found.setdefault(inspect.unwrap(surface.function), surface)
-    return list(found.values())
+                by_function.setdefault(inspect.unwrap(surface.function), surface)
+    return list(by_function.values())
 
 
 def _members(name: str, module: types.ModuleType) -> Iterator[tuple[str, object]]:

@@ -1,0 +1,113 @@
+"""Runs that were edited, with digests made anew: refused in a line where they are opened, or told by the verifier."""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+import warnings
+
+import pytest
+
+import paretoik as pk
+from paretoik.cli import main
+from paretoik.errors import InvalidRun
+from paretoik.run_files import RUN, run_bytes
+from tests.verification.editing import edit
+from tests.verification.faults import FAULTS
+
+OPENED = ("search", "certified", "plan", "closed loop")
+OFF_THE_PATH = {
+    "a joint off by 1e-6": r"motions: on the path of the problem wanted, got point \d+ \S+ m off it at sample 5 \(0.4",
+    "columns swapped": r"motions: on the path of the problem wanted, got point \d+ 0\.\d+ m off it at sample",
+    "names of joints swapped": r"motions: on the path of the problem wanted, got point \d+ 0\.\d+ m off it at sample",
+    "a joint of another name": r"motions: joints joint1, joint2, joint3 wanted, got joint1, joint2, wrist",
+    "times that go back": r"motions: the times of the problem's path wanted, got others",
+    "times stretched": r"motions: the times of the problem's path wanted, got others",
+    "a time shifted": r"motions: the times of the problem's path wanted, got others",
+    "a motion reversed": r"motions: on the path of the problem wanted, got point \d+ 0\.\d+ m off it at sample 0",
+    "not a number": "wanted finite q",
+    "a motion missing": "wanted the ids of front.parquet, got others",
+    "an id twice": "front ids: wanted each once",
+    "a dominated point": "wanted mutually non-dominated points, got 1",
+    "a jump in a loop": r"motions: a mean distance of \S+ m from the path wanted, got \S+ m",
+    "an error of a loop edited": r"motions: a mean distance of \S+ m from the path wanted, got \S+ m",
+}
+"""Faults that are seen without verifying, and what is said."""
+
+
+def opened(folder, problem, kind):
+    return pk.load_plan(folder, problem) if kind == "plan" else pk.load_front(folder, problem)
+
+
+def names(*kinds):
+    chosen = [name for name, (kind, *_) in FAULTS.items() if kind in kinds]
+    return [pytest.param(name, marks=[pytest.mark.slow] if FAULTS[name][0] == "certified" else []) for name in chosen]
+
+
+@pytest.mark.parametrize("fault", names(*OPENED))
+def test_an_edited_run_is_opened_or_refused_in_a_line_and_motions_off_the_path_are_refused(good_run, tmp_path, fault):
+    kind, change, _ = FAULTS[fault]
+    folder, problem = good_run(kind)
+    edited = edit(folder, tmp_path / "edited", change)
+    words = OFF_THE_PATH.get(fault)
+    if words:
+        with pytest.raises(pk.InvalidInput, match=words) as refused:
+            opened(edited, problem, kind)
+        assert "\n" not in str(refused.value)
+        assert str(edited) in str(refused.value)
+        return
+    try:
+        opened(edited, problem, kind)
+    except pk.InvalidInput as refusal:
+        assert "\n" not in str(refusal)  # noqa: PT017
+
+
+@pytest.mark.parametrize("command", [["select", "--point", "0"], ["export", "--point", "0"], ["report"], ["verify"]])
+def test_every_command_refuses_motions_off_the_path_with_an_exit_code(good_run, tmp_path, monkeypatch, capsys, command):
+    folder, _ = good_run("search")
+    edited = edit(folder, tmp_path / "edited", FAULTS["columns swapped"][1])
+    verb, *options = command
+    words = [verb, str(edited), *options, "--problem", "tests/verification/good_runs.py:tracking"]
+    monkeypatch.setattr(sys, "argv", ["paretoik", *words])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    printed = capsys.readouterr()
+    assert ended.value.code == (7 if verb == "verify" else 2)
+    line = printed.out if verb == "verify" else printed.err
+    assert re.search("tracking at samples|motions: on the path of the problem wanted, got point", line)
+    assert "Traceback" not in printed.err
+
+
+def test_no_file_but_the_runs_own_is_read_where_it_is_edited(good_run, tmp_path):
+    folder, problem = good_run("search")
+    edited = edit(folder, tmp_path / "edited", lambda run: run.entries["settings"].update(seed=2))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert len(pk.load_front(edited, problem)) == len(pk.load_front(folder, problem))
+    content = json.loads((edited / RUN).read_text())
+    for entries, words in (
+        ({**content, "format": 2}, "wanted format 1, got 2"),
+        ({**content, "objectives": []}, "wanted objectives and the digests"),
+        ({**content, "objectives": content["objectives"][::-1]}, None),
+        ({**content, "files": {**content["files"], "../escape": "0" * 64}}, "wanted objectives and the digests"),
+        ({**content, "files": {}}, "wanted objectives and the digests"),
+        ({**content, "holds": "a plan"}, "wanted a run with a front, got one that holds a plan"),
+    ):
+        anew = {name: value for name, value in entries.items() if name not in ("format", "digest")}
+        text = run_bytes(anew).decode()
+        (edited / RUN).write_text(text.replace('"format": 1', f'"format": {entries["format"]}', 1))
+        if words is None:
+            assert pk.load_front(edited).names == ("torque_norm", "kinetic_energy")
+            continue
+        with pytest.raises(InvalidRun, match=words):
+            pk.load_front(edited)
+
+
+@pytest.mark.parametrize("value", ["NaN", "Infinity", "-Infinity"])
+def test_numbers_that_strict_json_has_not_are_refused(good_run, tmp_path, value):
+    edited = edit(good_run("search")[0], tmp_path / "edited", lambda run: None)
+    text = (edited / RUN).read_text()
+    (edited / RUN).write_text(re.sub(r'"seed": 1\b', f'"seed": {value}', text))
+    with pytest.raises(InvalidRun, match=f"wanted strict JSON, got the number {value}"):
+        pk.load_front(edited)
