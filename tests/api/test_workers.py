@@ -42,7 +42,12 @@ def executor():
     [
         "solve",
         "plan",
-        *(pytest.param(verb, marks=pytest.mark.slow) for verb in PROBLEMS if verb not in ("solve", "plan", "loop")),
+        "refine",
+        *(
+            pytest.param(verb, marks=pytest.mark.slow)
+            for verb in PROBLEMS
+            if verb not in ("solve", "plan", "refine", "loop")
+        ),
     ],
 )
 def test_workers_come_to_the_same_bit_for_bit(verb, executor, tmp_path):
@@ -60,7 +65,8 @@ def cluster(tmp_path_factory):
 
 @pytest.mark.filterwarnings("ignore:(workers. they do not pay|cluster. no worker at)")
 @pytest.mark.parametrize(
-    "verb", ["solve", *(pytest.param(verb, marks=pytest.mark.slow) for verb in ("plan", "epsilon_front", "refine"))]
+    "verb",
+    ["solve", *(pytest.param(verb, marks=pytest.mark.slow) for verb in ("plan", "epsilon_front", "refine", "islands"))],
 )
 def test_a_cluster_comes_to_the_same_bit_for_bit(verb, cluster, tmp_path):
     alone = run(verb, tmp_path / "alone")
@@ -136,6 +142,7 @@ def test_a_row_that_takes_too_long_has_failed_and_the_search_goes_on():
     assert front.provenance["settings"]["evaluation_timeout"] == 0.3
 
 
+@pytest.mark.filterwarnings("ignore:workers. they do not pay")
 def test_a_row_that_ends_every_worker_has_failed_and_the_search_goes_on():
     front = pk.solve(Deadly(), population=10, generations=2, seed=1, workers=2)
     assert front.provenance["counts"]["failed"] == 1
