@@ -22,10 +22,10 @@ from paretoik.execution.cluster import Cluster
 from paretoik.execution.executor import open_executor
 from paretoik.execution.worker_processes import WorkerProcesses
 from paretoik.run_files import CHECKPOINT, JOURNAL, RUN
+from studies.benchmarks.scaling.local_cluster import local_cluster
 from tests.api.problems import QUICK, tracking
 from tests.api.resumed_runs import PROBLEMS, Deadly, Hanging, Slow, run
 from tests.api.test_resume import ENTRIES, check_same, killed
-from tests.execution.dask_cluster import dask_cluster
 
 ROOT = Path(__file__).parents[2]
 
@@ -59,7 +59,7 @@ def test_workers_come_to_the_same_bit_for_bit(verb, executor, tmp_path):
 @pytest.fixture(scope="module")
 def cluster(tmp_path_factory):
     pytest.importorskip("distributed", reason="Dask is not installed: pip install paretoik[cluster]")
-    with dask_cluster(tmp_path_factory.mktemp("dask"), 2) as started:
+    with local_cluster(tmp_path_factory.mktemp("dask"), 2) as started:
         yield started
 
 
