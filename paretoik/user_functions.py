@@ -5,13 +5,22 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 
 import numpy as np
 
 from paretoik.arrays import Objectives
 from paretoik.errors import EvaluationFailed, ParetoikError
 
-REPEATABLE = 1e-6  # share of a value by which it may differ when computed again, in another batch
+
+@dataclass(frozen=True, kw_only=True)
+class OddObjectiveOptions:
+    """Values may differ by a share ``rounding`` when they are computed again, in another batch."""
+
+    rounding: float = 1e-6
+
+
+OPTIONS = OddObjectiveOptions()
 
 
 @contextmanager
@@ -45,7 +54,7 @@ def warn_of_odd_objectives(names: Sequence[str], values: Objectives, again: Obje
     """
     for name, column, repeated in zip(names, values.T, again.T, strict=True):
         first = column[: len(repeated)]
-        differ = ~np.isclose(first, repeated, rtol=REPEATABLE, atol=0, equal_nan=True)
+        differ = ~np.isclose(first, repeated, rtol=OPTIONS.rounding, atol=0, equal_nan=True)
         finite = column[np.isfinite(column)]
         if differ.any():
             text = f"one value for one argument wanted, got {first[differ][0]:.6g} and then {repeated[differ][0]:.6g}"

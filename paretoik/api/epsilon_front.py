@@ -69,7 +69,7 @@ def epsilon_front(
     time_limit
         Seconds after which the sweep ends and keeps what it has; the last fifth is for certificates.
     workers, cluster
-        As for ``solve``: starts are solved there, and points certified.
+        As for ``solve``: starts are solved there, levels of ε that can be foretold, and points certified.
     reference
         Where the problem can be loaded from (``file.py:name``), kept in the run for ``load_front``.
     observe

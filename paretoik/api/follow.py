@@ -27,7 +27,7 @@ from paretoik.run_files import PICTURE, SEARCHES, STEPS
 
 SEARCH_SETTINGS = (
     *("initial", "evaluations", "target", "anchors", "algorithm", "refine", "solver"),
-    *("workers", "cluster", "evaluation_timeout"),
+    *("islands", "workers", "cluster", "evaluation_timeout"),
 )  # not of a loop
 
 
@@ -40,8 +40,8 @@ class LoopRun:
 
     def __init__(self, problem: ClosedLoop, settings: SolveSettings) -> None:
         for name in SEARCH_SETTINGS:
-            value = getattr(settings, name)
-            if not (value is None or value is False or (name == "solver" and value == "auto")):
+            value, default = getattr(settings, name), getattr(SolveSettings, name)
+            if value is not default and not (isinstance(value, str | int | np.integer) and value == default):
                 raise InvalidInput(
                     f"{name}: wants a search for a front, got a closed loop, which is followed step by step"
                 )

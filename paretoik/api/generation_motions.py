@@ -12,6 +12,7 @@ from paretoik.front.marked_rows import marked_rows
 from paretoik.review.recording.recorded_point import RecordedPoint, record_motion
 from paretoik.search.ask_tell import Search
 from paretoik.search.endings import Progress
+from paretoik.search.islands import Islands
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,7 +34,7 @@ OPTIONS = MotionOptions()
 class GenerationMotions:
     """Finds in each generation of a search the best point of every objective and the compromise."""
 
-    def __init__(self, search: Search) -> None:
+    def __init__(self, search: Search | Islands) -> None:
         self._search = search
         self._shown: list[int] = []  # ids whose motions were decoded last
         self._decoded = 0

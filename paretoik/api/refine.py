@@ -35,6 +35,7 @@ from paretoik.pareto.improver import OPTIONS, suggest_points
 from paretoik.pareto.refine import refine as refine_points
 from paretoik.search.ask_tell import Search
 from paretoik.search.endings import Progress
+from paretoik.search.islands import Islands
 
 
 def refine(
@@ -204,7 +205,7 @@ class SearchImprover:
     objective or limit has no derivative.
     """
 
-    def __init__(self, search: Search, solver: Solver = "auto") -> None:
+    def __init__(self, search: Search | Islands, solver: Solver = "auto") -> None:
         self.spent = 0
         self._search, self._solver = search, solver
         self._formulation = require_program("refine", search.problem)

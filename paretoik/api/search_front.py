@@ -31,6 +31,7 @@ from paretoik.run_files import STOPPED
 from paretoik.search.ask_tell import Search
 from paretoik.search.endings import Ending, Evaluations, Generations, Progress, Stagnation, Target, TimeLimit
 from paretoik.search.evolution import evolve
+from paretoik.search.islands import Islands
 from paretoik.stop_flag import Interrupted
 
 INTERRUPTED = tuple(status for status in STOPPED if status != "time limit")
@@ -62,7 +63,8 @@ class FrontSearch:
             check_size("points", settings.points, 1)
         anchors = _anchors(problem, settings, self.generations)
         self._initial = InitialSolutions.of(problem, settings.initial)
-        self.search = Search(
+        search = Search if settings.islands == 1 else partial(Islands, islands=settings.islands)
+        self.search: Search | Islands = search(
             problem,
             population=population,
             seed=seed,
@@ -79,6 +81,7 @@ class FrontSearch:
             "population": population,
             "generations": self.generations,
             "seed": seed,
+            "islands": settings.islands,
             "anchors": anchors,
             "algorithm": None if settings.algorithm is None else type(settings.algorithm).__name__,
             "evaluations": settings.evaluations,
@@ -220,7 +223,7 @@ def _anchors(problem: Any, settings: SolveSettings, generations: int) -> int:
     return generations // (2 * problem.n_obj) if branches else 0
 
 
-def _endings(search: Search, settings: SolveSettings, generations: int, anchors: int) -> list[Ending]:
+def _endings(search: Search | Islands, settings: SolveSettings, generations: int, anchors: int) -> list[Ending]:
     endings: list[Ending] = [Generations(generations)]
     if settings.time_limit is not None:
         share = DEFAULTS.search_time if settings.refine else 1.0
@@ -244,7 +247,7 @@ def _json_number(value: float) -> float | str:
     return float(value) if np.isfinite(value) else str(value)
 
 
-def _infeasible(search: Search) -> Infeasible:
+def _infeasible(search: Search | Islands) -> Infeasible:
     nearest = search.archive.least_violating
     if nearest is None:
         return Infeasible(f"no feasible point in {search.evaluations} evaluations, and none without a failure")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from paretoik.execution.executor import check_workers
-from paretoik.inputs import check_flag, positive_number
+from paretoik.inputs import check_flag, check_size, positive_number
 from paretoik.nlp.program import Solver, check_solver_name
 
 
@@ -18,6 +18,7 @@ class SolveSettings:
     population: int | None = None
     generations: int | None = None
     seed: int | None = None
+    islands: int = 1
     initial: Any = None
     time_limit: float | None = None
     evaluations: int | None = None
@@ -35,6 +36,7 @@ class SolveSettings:
 
     def __post_init__(self) -> None:
         """Check what means the same for every way of solving."""
+        check_size("islands", self.islands, 1)
         check_flag("stagnation", self.stagnation)
         check_flag("refine", self.refine)
         check_solver_name(self.solver)

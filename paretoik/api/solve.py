@@ -30,6 +30,7 @@ def solve(
     population: int | None = None,
     generations: int | None = None,
     seed: int | None = None,
+    islands: int = 1,
     out: str | Path | None = None,
     initial: Genes | Motion | Front | None = None,
     time_limit: float | None = None,
@@ -63,6 +64,9 @@ def solve(
     population, generations, seed
         Size of the population (200), most generations (500), and the seed of all chance (0): the same seed gives the
         same front. A closed loop has its own where none are given.
+    islands
+        So many populations, each with chance of its own, of which every ten generations some of the best go to the
+        next, in a ring. Their rows are evaluated together, so that there is more for many ``workers`` to do at a time.
     out
         Folder to keep the run in: run.json, front.parquet, motions.npz, review.rrd, front.png (not after a signal), of
         a closed loop steps.parquet too. ``overwrite`` allows it to replace a run that is there.
@@ -110,9 +114,9 @@ def solve(
         Called with a ``RunProgress`` after every generation, or step, and every point that is refined. By default a bar
         shows it where stderr is a terminal; True prints lines elsewhere, False shows nothing.
 
-    Of a closed loop ``initial``, ``evaluations``, ``target``, ``anchors``, ``algorithm``, ``refine``, ``solver``,
-    ``workers``, ``cluster`` and ``evaluation_timeout`` mean nothing and are refused; ``points`` and ``stagnation`` have
-    no effect.
+    Of a closed loop ``islands``, ``initial``, ``evaluations``, ``target``, ``anchors``, ``algorithm``, ``refine``,
+    ``solver``, ``workers``, ``cluster`` and ``evaluation_timeout`` mean nothing and are refused; ``points`` and
+    ``stagnation`` have no effect.
 
     Ctrl-C and SIGTERM end the search, or the refinement, within a second or after the generation under way, and keep
     the result; why it ended stands in ``front.provenance["status"]``, what it took in its ``counts``.
@@ -134,6 +138,7 @@ def solve(
         population=population,
         generations=generations,
         seed=seed,
+        islands=islands,
         initial=initial,
         time_limit=time_limit,
         evaluations=evaluations,

@@ -22,6 +22,7 @@ from paretoik.execution.cluster_task import Computed, Refused, Task, itself, run
 from paretoik.execution.machine import processor, software
 from paretoik.execution.shipping import pickled
 from paretoik.stop_flag import STOP, Interrupted
+from paretoik.user_functions import cause_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +46,7 @@ class ClusterOptions:
 
 
 OPTIONS = ClusterOptions()
-GONE = ("cancelled", "lost")  # a future that its scheduler knows no more
+CANCELLED = ("cancelled", "lost")  # Dask's words for a future that its scheduler knows no more
 
 
 class Cluster:
@@ -102,7 +103,7 @@ class Cluster:
     def shared(self) -> Any:
         """Return the shared object as the scheduler has it; one that came back has it anew."""
         shared, content, future = self._shared
-        if future is None or future.status in GONE:
+        if future is None or future.status in CANCELLED:
             key = f"paretoik-shared-{hashlib.sha256(content).hexdigest()}"
             future = self.client.submit(itself, content, key=key)
             self._shared = shared, content, future
@@ -180,11 +181,10 @@ class _Round:
             self.ended.put(future)
             return
         alone, places = len(self.running) == 1, self.running.pop(future)
-        if future.status in GONE:  # with its scheduler
+        if future.status in CANCELLED:  # with its scheduler
             self.pending.extendleft(reversed(places))
         elif not isinstance(error, KilledWorker):
-            fact = f"{type(error).__name__}: {' '.join(str(error).split())}"
-            raise InvalidInput(f"cluster: workers that can read what they are sent wanted, got {fact}")
+            raise InvalidInput(f"cluster: workers that can read what they are sent wanted, got {cause_of(error)}")
         elif alone and len(places) == 1:
             self.answered += 1
             yield places[0], Lost(cause=f"{error.allowed_failures + 1} workers ended on it")

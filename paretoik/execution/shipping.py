@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from types import ModuleType
 from typing import Any
 
@@ -12,6 +13,7 @@ import cloudpickle
 
 from paretoik.errors import InvalidInput
 from paretoik.fingerprint.libraries import is_library_module
+from paretoik.user_functions import cause_of
 
 
 def pickled(what: str, value: Any) -> bytes:
@@ -23,8 +25,8 @@ def pickled(what: str, value: Any) -> bytes:
         with _users_modules_by_value():
             return bytes(cloudpickle.dumps(value))
     except Exception as error:  # what users wrote may raise anything
-        fact = f"{type(error).__name__}: {' '.join(str(error).split())}"
-        raise InvalidInput(f"workers: {what} that can be sent to another process wanted, got {fact}") from error
+        text = f"workers: {what} that can be sent to another process wanted, got {cause_of(error)}"
+        raise InvalidInput(text) from error
 
 
 @contextmanager
@@ -41,13 +43,13 @@ def _users_modules_by_value() -> Iterator[None]:
 
 
 def _users_modules() -> list[ModuleType]:
-    """Return the modules that are no library's; of those that were there the last time it is known."""
-    modules = sys.modules.copy()
-    for name in modules.keys() - _KNOWN.keys():
-        module = modules[name]
-        named = isinstance(module, ModuleType) and getattr(module, "__name__", None) == name
-        _KNOWN[name] = named and not is_library_module(module)
-    return [modules[name] for name, is_users in _KNOWN.items() if is_users and name in modules]
+    """Return the modules that are no library's."""
+    return [module for name, module in sys.modules.copy().items() if _is_users_module(name)]
 
 
-_KNOWN: dict[str, bool] = {}  # whether a module is a user's, by name
+@cache
+def _is_users_module(name: str) -> bool:
+    """Return whether the module of a name is a user's, as it was the first time."""
+    module = sys.modules[name]
+    is_named = isinstance(module, ModuleType) and getattr(module, "__name__", None) == name
+    return is_named and not is_library_module(module)

@@ -19,8 +19,9 @@ import cloudpickle
 
 from paretoik.distribution import Done, Function, Raised, become_worker
 from paretoik.errors import InvalidInput
+from paretoik.user_functions import cause_of
 
-BEGUN = -1  # stands for a place: the items of a message are begun, one after the other
+STARTED = -1  # stands for a place: the items of a message are started, one after the other
 
 
 class Work(NamedTuple):
@@ -54,7 +55,7 @@ def _serve(connection: Connection) -> None:
             for place, _ in work.items:
                 _send(connection, place, Raised(error=error))
             continue
-        _send(connection, BEGUN, None)
+        _send(connection, STARTED, None)
         for place, item in work.items:
             _send(connection, place, compute(function, shared, item))
 
@@ -72,7 +73,8 @@ def _send(connection: Connection, place: int, reply: Done | Raised | None) -> No
     try:
         message = cloudpickle.dumps((place, reply))
     except Exception as error:  # what users raise need not be what can be sent
-        message = cloudpickle.dumps((place, Raised(error=InvalidInput(f"workers: a result that can be sent: {error}"))))
+        refusal = InvalidInput(f"workers: a result that can be sent wanted, got {cause_of(error)}")
+        message = cloudpickle.dumps((place, Raised(error=refusal)))
     connection.send_bytes(message)
 
 

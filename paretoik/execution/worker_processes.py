@@ -7,20 +7,21 @@ import socket
 import subprocess
 import sys
 import time
+import warnings
 from collections import Counter, deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, wait
-from pathlib import Path
 from typing import Any
 
 import cloudpickle
 
 from paretoik.distribution import Function, Lost, Reply
 from paretoik.errors import SolverFailed
+from paretoik.execution.child_environment import child_environment
 from paretoik.execution.shipping import pickled
-from paretoik.execution.worker import BEGUN, Work
+from paretoik.execution.worker import STARTED, Work
 from paretoik.inputs import check_size
 from paretoik.stop_flag import STOP, Interrupted
 
@@ -34,14 +35,15 @@ class WorkerOptions:
 
     A worker is given items for so many seconds (``portion``), but no more than an even share of those that are left,
     ``shares`` of them a worker. An item is lost after more than ``allowed_failures`` workers ended on it. The first one
-    that a worker computes may take ``loading`` seconds more than another: code is read from the disk. A signal is
-    looked for every ``interval`` seconds.
+    that a worker computes may take ``loading`` seconds more than another: code is read from the disk. One that is
+    stopped, and not let go on, for ``frozen`` seconds is replaced. A signal is looked for every ``interval`` seconds.
     """
 
     portion: float = 0.5
     shares: int = 2
     allowed_failures: int = 3
     loading: float = 5.0
+    frozen: float = 5.0
     interval: float = 0.1
 
 
@@ -50,7 +52,7 @@ OPTIONS = WorkerOptions()
 
 @dataclass(kw_only=True, eq=False)
 class _Worker:
-    """A process, what it was given and has not answered, and since when it computes the first of it."""
+    """A process, what it was given and has not answered, and since when it computes the first of it, or is stopped."""
 
     process: subprocess.Popen[bytes]
     connection: Connection
@@ -58,7 +60,18 @@ class _Worker:
     has: object = None  # the shared object
     places: deque[int] = field(default_factory=deque)
     since: float | None = None
+    stopped_since: float | None = None
     replies: int = 0
+
+    def is_frozen(self, seconds: float) -> bool:
+        """Return whether it has been stopped, as by SIGSTOP, for so many seconds, as far as the system says."""
+        is_stopped = False
+        with suppress(ChildProcessError, AttributeError):  # it has ended, or the system does not say
+            what = os.WSTOPPED | os.WNOHANG | os.WNOWAIT
+            is_stopped = os.waitid(os.P_PID, self.process.pid, what) is not None
+        now = time.monotonic()
+        self.stopped_since = (self.stopped_since or now) if is_stopped else None
+        return self.stopped_since is not None and now - self.stopped_since >= seconds
 
     def end(self) -> int:
         """End it at once and return its exit status."""
@@ -130,6 +143,8 @@ class _Round:
                 yield from self._received(busy[connection])  # type: ignore[index]
             for worker in [each for each in self.processes if self._overdue(each)]:
                 yield self._give_up(worker)
+            for worker in [each for each in self.processes if each.places and each.is_frozen(self.options.frozen)]:
+                self._replace_frozen(worker)
 
     def _deal(self) -> None:
         """Give work to whoever has none, and start workers that are missing."""
@@ -175,7 +190,7 @@ class _Round:
             yield from self._ended(worker)
             return
         worker.since, self.unborn = time.monotonic(), 0
-        if place == BEGUN:
+        if place == STARTED:
             return
         worker.replies += 1
         worker.places.popleft()
@@ -203,6 +218,14 @@ class _Round:
         self.answered += 1
         yield first, Lost(cause=f"{self.failures[first]} workers ended on it, the last {_end(status)}")
 
+    def _replace_frozen(self, worker: _Worker) -> None:
+        """End a worker that was stopped; others compute what it had, which had no part in that."""
+        self.processes.remove(worker)
+        worker.end()
+        self.pending.extendleft(reversed(worker.places))
+        text = f"workers: process {worker.process.pid} was stopped for {self.options.frozen:g} s and is replaced"
+        warnings.warn(text, RuntimeWarning, stacklevel=2)
+
     def _give_up(self, worker: _Worker) -> tuple[int, Reply]:
         """End a worker that takes too long, and return what it was at."""
         self.processes.remove(worker)
@@ -224,14 +247,11 @@ def _start() -> _Worker:
         command = [sys.executable, "-P", "-m", "paretoik.execution.worker", str(theirs.fileno()), str(life)]
         try:
             process = subprocess.Popen(
-                command, stdin=subprocess.DEVNULL, pass_fds=(theirs.fileno(), life), env=_environment()
+                command,
+                stdin=subprocess.DEVNULL,
+                pass_fds=(theirs.fileno(), life),
+                env={**child_environment(), **ONE_THREAD},
             )
         finally:
             os.close(life)
     return _Worker(process=process, connection=Connection(ours.detach()), life=end)
-
-
-def _environment() -> Mapping[str, str]:
-    """Return the environment of a worker, which finds the modules that this process finds."""
-    places = [place or str(Path.cwd()) for place in sys.path]
-    return {**os.environ, **ONE_THREAD, "PYTHONPATH": os.pathsep.join(places)}

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import os
 import threading
-import warnings
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
-from contextlib import suppress
 from dataclasses import replace
 from functools import cache, partial
 from typing import Any
@@ -16,14 +14,15 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik import stop_flag
-from paretoik.arrays import Points
-from paretoik.distribution import Lost, distribute_remembered, threads, workers
+from paretoik.arrays import Point, Points
+from paretoik.distribution import threads, workers
 from paretoik.errors import InvalidInput
-from paretoik.journal import Values, remembered
+from paretoik.journal import Values
 from paretoik.nlp import sqp
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.program import Goal, Program, Solver, check_solver_name
 from paretoik.nlp.program_key import program_key
+from paretoik.nlp.search_ends import collect_solutions, distribute_searches, remembered_end, unknown_end, values_of_end
 from paretoik.nlp.solutions import CONVERGED, INTERRUPTED, LOST, NO_PROGRESS, NOT_FINITE, Solutions
 from paretoik.nlp.violation import violation_of
 from paretoik.stop_flag import STOP, Interrupted, check_interruption
@@ -38,11 +37,13 @@ def minimise(
     *,
     rows: Float[np.ndarray, "bounds objectives"] | None = None,
     solver: Solver = "auto",
+    observe: Callable[[int], object] | None = None,
 ) -> Solutions:
     """Return the local minima of weights · F, rows · F (F itself without rows) below ``upper``, that points lead to.
 
     Every point is led by itself, whatever else is in the batch; ``options`` are for all, or one a point. The program's
-    own bounds hold as well. "auto" is the interior-point method where the program has a kernel, else SQP.
+    own bounds hold as well. "auto" is the interior-point method where the program has a kernel, else SQP. Workers,
+    where there are any, show ``observe`` how many are done.
 
     Raises InvalidInput where the interior-point method is asked for a program that has none, and Interrupted, with the
     solutions so far, after a signal.
@@ -63,9 +64,9 @@ def minimise(
         bounds = np.concatenate([upper, np.tile(program.upper[finite], (count, 1))], axis=1)
     kernel = None if solver == "sqp" else program.kernel
     if kernel is None:
-        solutions = _sqp(program, x, factors, table, bounds, each)
+        solutions = _sqp(program, x, factors, table, bounds, each, observe)
     else:
-        solutions = _interior_point(program, kernel, x, factors, table, bounds, each)
+        solutions = _interior_point(program, kernel, x, factors, table, bounds, each, observe)
     # Below the program's own rounding no step makes a point better.
     near = (solutions.stationarity <= program.rounding) & (solutions.violation <= 1e-8)
     solutions.status[near & (solutions.status == NO_PROGRESS)] = CONVERGED
@@ -88,6 +89,7 @@ def _interior_point(
     rows: np.ndarray,
     upper: np.ndarray,
     options: Sequence[InteriorPointOptions],
+    observe: Callable[[int], object] | None,
 ) -> Solutions:
     from paretoik.nlp.compiled.interior_point import minimise as search  # here: numba
 
@@ -101,7 +103,7 @@ def _interior_point(
             )
             for each in options
         ]
-    ends = [_unknown_end(program, start, INTERRUPTED) for start in x]
+    ends = [unknown_end(program, start, INTERRUPTED) for start in x]
     points = zip(x, weights, upper, options, strict=True)
     keys = [program_key("interior-point minimum", program, start, rows, *inputs) for start, *inputs in points]
     remaining = iter(range(count))
@@ -113,13 +115,11 @@ def _interior_point(
         for i in remaining:  # whichever thread is free takes the next point
             if STOP[0]:
                 return
-            ends[i] = _remembered_end(keys[i], partial(search, kernel, *start_of(i), STOP))
+            ends[i] = remembered_end(keys[i], partial(search, kernel, *start_of(i), STOP))
 
     if count > 1 and workers() > 1:
-        if type(kernel) not in _COMPILED:  # workers find on the disk what is compiled here
-            search(kernel, *start_of(0)[:-1], options[0]._replace(iterations=0), STOP)
-            _COMPILED.add(type(kernel))
-        _distribute(_interior_point_end, program, [start_of(i) for i in range(count)], keys, ends)
+        _compile_method(kernel, start_of(0))
+        distribute_searches(_interior_point_end, program, [start_of(i) for i in range(count)], keys, ends, observe)
     elif count == 1 and type(kernel) in _COMPILED and _hears_signals():
         work(kernel)
     elif count:
@@ -131,7 +131,31 @@ def _interior_point(
             F, equalities, inequalities = program.evaluate(ends[i][0])
             violation = violation_of(program, F, equalities, inequalities, rows, upper[i])
             ends[i] = (*ends[i][:3], F, *ends[i][4:6], violation)
-    return _collect(ends, x.shape, len(program.upper), upper)
+    return collect_solutions(ends, x.shape, len(program.upper), upper)
+
+
+def compile_method(
+    program: Program,
+    x: Point,
+    weights: Float[np.ndarray, "1 objectives"],
+    options: InteriorPointOptions,
+    *,
+    solver: Solver,
+) -> None:
+    """Compile the method that minimises a program from a point, where need be: workers find it on the disk."""
+    kernel = None if solver == "sqp" else program.kernel
+    if kernel is not None:
+        size = len(program.upper)
+        start = np.ascontiguousarray(x), np.broadcast_to(weights, (1, size))[0].copy(), np.eye(size)
+        _compile_method(kernel, (*start, program.upper.copy(), options))
+
+
+def _compile_method(kernel: Any, start: tuple[Any, ...]) -> None:
+    from paretoik.nlp.compiled.interior_point import minimise as search  # here: numba
+
+    if type(kernel) not in _COMPILED:
+        search(kernel, *start[:-1], start[-1]._replace(iterations=0), STOP)
+        _COMPILED.add(type(kernel))
 
 
 _COMPILED: set[type] = set()  # kernels whose interior-point method needs no more compilation, which no signal ends
@@ -173,21 +197,22 @@ def _sqp(
     rows: np.ndarray,
     upper: np.ndarray,
     options: Sequence[InteriorPointOptions],
+    observe: Callable[[int], object] | None = None,
 ) -> Solutions:
-    ends = [_unknown_end(program, start, INTERRUPTED) for start in x]
+    ends = [unknown_end(program, start, INTERRUPTED) for start in x]
     starts, keys = list[tuple[Any, ...]](), list[bytes | None]()
     for start, factors, bounds, each in zip(x, weights, upper, options, strict=True):
         settings = sqp.SqpOptions(radius=each.radius, iterations=each.iterations, tolerance=each.tolerance)
         starts.append((start, Goal(weights=factors, rows=rows, upper=bounds), settings))
         keys.append(program_key("SQP minimum", program, start, factors, rows, bounds, each))
     if len(x) > 1 and workers() > 1:
-        _distribute(_sqp_end, program, starts, keys, ends)
-        return _collect(ends, x.shape, len(program.upper), upper)
+        distribute_searches(_sqp_end, program, starts, keys, ends, observe)
+        return collect_solutions(ends, x.shape, len(program.upper), upper)
     for i, one in enumerate(starts):
         if STOP[0]:
             break
-        ends[i] = _remembered_end(keys[i], partial(_solve_by_sqp, program, *one))
-    return _collect(ends, x.shape, len(program.upper), upper)
+        ends[i] = remembered_end(keys[i], partial(_solve_by_sqp, program, *one))
+    return collect_solutions(ends, x.shape, len(program.upper), upper)
 
 
 def _solve_by_sqp(program: Program, start: np.ndarray, goal: Goal, settings: sqp.SqpOptions) -> tuple[Any, ...]:
@@ -196,79 +221,14 @@ def _solve_by_sqp(program: Program, start: np.ndarray, goal: Goal, settings: sqp
     return (*point, end.bound_multipliers, end.stationarity, end.violation)
 
 
-END = ("x", "status", "iterations", "F", "multipliers", "stationarity", "violation")
-
-
-def _remembered_end(key: bytes | None, search: Callable[[], tuple[Any, ...]]) -> tuple[Any, ...]:
-    """Return the end of a search, from the run's journal where it is there."""
-    return search() if key is None else _end_of(remembered(key, lambda: _values_of(search())))
-
-
-def _values_of(end: tuple[Any, ...]) -> Values:
-    """Return the end of a search as plain arrays by name."""
-    return {name: np.asarray(value) for name, value in zip(END, end, strict=True) if value is not None}
-
-
-def _end_of(values: Values) -> tuple[Any, ...]:
-    """Return plain arrays by name as the end of a search."""
-    end = {name: values[name] if values[name].ndim else values[name].item() for name in END if name in values}
-    return tuple(end.get(name) for name in END)
-
-
-def _unknown_end(program: Program, start: np.ndarray, status: int) -> tuple[Any, ...]:
-    """Return the end of a search that was not made, or of which nothing came."""
-    return start, status, 0, np.full(len(program.upper), np.nan), None, np.nan, np.nan
-
-
-def _distribute(
-    search: Callable[[Program, Any], Values],
-    program: Program,
-    starts: Sequence[tuple[Any, ...]],
-    keys: Sequence[bytes | None],
-    ends: list[tuple[Any, ...]],
-) -> None:
-    """Put in place what searches of workers end at, as they end: after a signal the others stay as they were."""
-    with suppress(Interrupted):
-        for i, values in distribute_remembered(search, program, starts, keys):
-            if isinstance(values, Lost):
-                warnings.warn(f"start {i}: {values.cause}; the others go on", RuntimeWarning, stacklevel=2)
-                ends[i] = _unknown_end(program, starts[i][0], LOST)
-            else:
-                ends[i] = _end_of(values)
-
-
 def _interior_point_end(program: Program, start: tuple[Any, ...]) -> Values:
     from paretoik.nlp.compiled.interior_point import minimise as search  # here: numba
 
-    return _values_of(search(program.kernel, *start, STOP))
+    return values_of_end(search(program.kernel, *start, STOP))
 
 
 def _sqp_end(program: Program, start: tuple[np.ndarray, Goal, sqp.SqpOptions]) -> Values:
-    return _values_of(_solve_by_sqp(program, *start))
-
-
-def _collect(
-    ends: Sequence[tuple[Any, ...]], shape: tuple[int, ...], objectives: int, upper: Float[np.ndarray, "points bounds"]
-) -> Solutions:
-    """Return ends as a batch of points of a ``shape``: x, status, iterations, F, multipliers, stationarity, violation.
-
-    Of the multipliers the last are those of the finite bounds; None where they are unknown.
-    """
-    x, status, iterations, F, multipliers, stationarity, violation = list(zip(*ends, strict=True)) or [()] * 7
-    finite = np.isfinite(upper)
-    bound_multipliers = np.where(finite, np.nan, 0.0)
-    for row, columns, values in zip(bound_multipliers, finite, multipliers, strict=True):
-        if values is not None:
-            row[columns] = values[len(values) - columns.sum() :]
-    return Solutions(
-        x=np.array(x).reshape(shape),
-        status=np.array(status, dtype=int),
-        iterations=np.array(iterations, dtype=int),
-        objectives=np.array(F).reshape(len(ends), objectives),
-        bound_multipliers=bound_multipliers,
-        stationarity=np.array(stationarity, dtype=float),
-        violation=np.array(violation, dtype=float),
-    )
+    return values_of_end(_solve_by_sqp(program, *start))
 
 
 def minimise_violation(

@@ -36,11 +36,13 @@ def fill_gaps(
     front: Callable[[], Float[np.ndarray, "points n_obj"]],
     add: Callable[[int, Float[np.ndarray, " n_obj"]], bool],
     points: int,
+    look_ahead: Callable[[list[tuple[int, Float[np.ndarray, " n_obj"]]]], object] | None = None,
 ) -> None:
     """Add points where neighbours on the front are farthest apart, until it has so many or no gap yields one.
 
     ``add`` minimises an objective below upper bounds (inf for its own), and says whether that was a new point. Across a
     jump of the front it would give points at either edge without end: a gap that stays as wide is closed.
+    ``look_ahead`` is shown what ``add`` is called with first for every gap, the widest first, as far as is known.
     """
     closed: set[tuple[float, ...]] = set()
     while True:
@@ -50,15 +52,23 @@ def fill_gaps(
         wide = [pair for pair in _gaps(values) if (*values[pair[0]], *values[pair[1]]) not in closed]
         if not wide:
             return
+        if look_ahead is not None:
+            look_ahead([_levels(values[list(pair)])[0] for pair in wide])
         ends = values[list(wide[0])]
-        # First across the longer side; a front with a jump may have a point for one ε and none for the other.
-        mains = np.argsort(np.abs(ends[0] - ends[1]), kind="stable").tolist()
-        middle = ends.mean(axis=0)
-        for main in mains:
-            if add(main, np.where(np.arange(len(middle)) == main, np.inf, middle)) and not _wide_gaps(front(), ends):
+        for main, upper in _levels(ends):
+            if add(main, upper) and not _wide_gaps(front(), ends):
                 break
         else:
             closed.update({tuple(ends.ravel().tolist()), *_wide_gaps(front(), ends)})
+
+
+def _levels(ends: Float[np.ndarray, "2 n_obj"]) -> list[tuple[int, Float[np.ndarray, " n_obj"]]]:
+    """Return objectives with the upper bounds of the others halfway between two points.
+
+    First across the longer side; a front with a jump may have a point for one ε and none for the other.
+    """
+    mains, middle = np.argsort(np.abs(ends[0] - ends[1]), kind="stable"), ends.mean(axis=0)
+    return [(int(main), np.where(np.arange(len(middle)) == main, np.inf, middle)) for main in mains]
 
 
 def _wide_gaps(values: np.ndarray, ends: np.ndarray, *, share: float = 0.95) -> list[tuple[float, ...]]:

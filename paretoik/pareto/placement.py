@@ -135,19 +135,21 @@ def hull_pairs(values: Float[np.ndarray, "points 2"]) -> list[tuple[int, int]]:
 
 
 def next_targets(gaps: Sequence[Gap], values: Float[np.ndarray, "points 2"], points: int) -> list[Target]:
-    """Return where points go next; none where ``values`` are as many as wanted and no others add enough.
+    """Return where points go next, those first that add the most; none where there are enough, and no others add any.
 
-    First all that are missing are shared out among the gaps, and the one that adds the most comes next. Then come all
-    the places of the best subset of points and places, where each place has to add enough.
+    First all that are missing are shared out among the gaps: of each gap the place that adds the most. The first one
+    comes next; where that leads changes the others. Then come all the places of the best subset of points and places,
+    where each place has to add enough.
     """
     if not gaps:
         return []
     missing = points - len(values)
-    return [_missing_target(gaps, missing)] if missing > 0 else _replacements(gaps, values, points)
+    targets = _missing_targets(gaps, missing) if missing > 0 else _replacements(gaps, values, points)
+    return sorted(targets, key=lambda target: -target.gain)
 
 
-def _missing_target(gaps: Sequence[Gap], missing: int) -> Target:
-    """Return the best of the places of so many points, shared out one by one to where each adds the most."""
+def _missing_targets(gaps: Sequence[Gap], missing: int) -> list[Target]:
+    """Return the best place in every gap for so many points, shared out one by one to where each adds the most."""
     totals, full = np.zeros(len(gaps), dtype=int), OPTIONS.places + 2
     gains = np.array([gap.subsets.volume(3) for gap in gaps])
     for _ in range(missing):
@@ -155,12 +157,11 @@ def _missing_target(gaps: Sequence[Gap], missing: int) -> Target:
         totals[k] += 1
         points, more = (min(2 + int(totals[k]) + extra, full) for extra in (0, 1))
         gains[k] = gaps[k].subsets.volume(more) - gaps[k].subsets.volume(points)
-    targets = [
+    return [
         _best_target(gap, i, gap.subsets.rows(min(2 + int(totals[i]), full))[1:-1])
         for i, gap in enumerate(gaps)
         if totals[i]
     ]
-    return max(targets, key=lambda target: target.gain)
 
 
 def _best_target(gap: Gap, index: int, rows: Int[np.ndarray, " rows"]) -> Target:
@@ -184,11 +185,11 @@ def _candidates(
 
 
 def _replacements(gaps: Sequence[Gap], values: Float[np.ndarray, "points 2"], points: int) -> list[Target]:
-    """Return the places among the best of points and places, those first that add the most."""
+    """Return the places among the best of points and places."""
     candidates, owners = _candidates(gaps, values)
     enough = OPTIONS.gain * sum(gap.area for gap in gaps)
     chosen = best_rows(candidates, points, np.where(owners >= 0, enough, 0.0))
-    targets = [
+    return [
         Target(
             gap=int(owners[row]),
             values=candidates[row],
@@ -197,4 +198,3 @@ def _replacements(gaps: Sequence[Gap], values: Float[np.ndarray, "points 2"], po
         for before, row, after in zip(chosen[:-2], chosen[1:-1], chosen[2:], strict=True)
         if owners[row] >= 0
     ]
-    return sorted(targets, key=lambda target: -target.gain)

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
-from typing import NamedTuple
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from paretoik.arrays import Point, Points
+from paretoik.distribution import Lost, distribute_remembered, workers
 from paretoik.errors import EvaluationFailed, SolverFailed
+from paretoik.journal import Values, recalled, remembered
 from paretoik.nlp.interior_point_options import InteriorPointOptions
-from paretoik.nlp.minimise import minimise
+from paretoik.nlp.minimise import compile_method, minimise
 from paretoik.nlp.program import Goal, Linearisation, Program, Solver
+from paretoik.nlp.program_key import program_key
 from paretoik.nlp.solutions import Solutions
 from paretoik.nlp.violation import violation_at
 from paretoik.pareto.certificates import criticality_at, criticality_bound
@@ -62,17 +68,76 @@ def refine(
     Serafini 1984). Points that are critical stay, and so do those from which no solver finds better. Where ``observe``
     returns true, and after a signal, the others stay as they are.
     """
+    ends, done, count = dict[int, Values](), 0, len(x)
+    keys = [program_key("refined point", program, one, n_obj, solver) for one in x]
+    refine_points = _refine_in_workers if count > 1 and workers() > 1 else _refine_here
+    with suppress(Interrupted):
+        for i, values in refine_points(program, x, n_obj, solver, keys):
+            ends[i] = values
+            while done < count and all(j in ends for j in range(done, min(done + OPTIONS.batch, count))):
+                done = min(done + OPTIONS.batch, count)
+                if observe is not None and observe(done, count):  # whoever computed: these are refined, no others
+                    return _points_of({j: ends[j] for j in range(done)}, x)
+    return _points_of(ends, x)
+
+
+def _points_of(ends: Mapping[int, Values], x: Points) -> tuple[Points, Bool[np.ndarray, " points"]]:
+    """Return points, those that were refined in place of what they were, and which are local optima."""
     x, converged = x.copy(), np.zeros(len(x), dtype=bool)
+    for i, values in ends.items():
+        x[i], converged[i] = values["x"], values["converged"]
+    return x, converged
+
+
+def _refine_here(
+    program: Program, x: Points, n_obj: int, solver: Solver, keys: Sequence[bytes | None]
+) -> Iterator[tuple[int, Values]]:
+    """Yield the place of every point with what it is refined to, some at a time, from the run's journal if there.
+
+    Raises Interrupted after a signal, when what is better by then is yielded.
+    """
     attempts = _attempts(n_obj, len(program.upper))
     for first in range(0, len(x), OPTIONS.batch):
-        rows = np.arange(first, min(first + OPTIONS.batch, len(x)))
+        places, interruption = range(first, min(first + OPTIONS.batch, len(x))), list[Interrupted]()
+        stored = {i: values for i in places if (key := keys[i]) is not None and (values := recalled(key))}
+        rows = np.array([i for i in places if i not in stored], dtype=int)
+        points, converged = x[rows], np.zeros(len(rows), dtype=bool)
         try:
-            _refine_rows(program, x, converged, rows, attempts, n_obj, solver)
-        except Interrupted:
-            break
-        if observe is not None and observe(int(rows[-1]) + 1, len(x)):
-            break
-    return x, converged
+            _refine_rows(program, points, converged, np.arange(len(rows)), attempts, n_obj, solver)
+        except Interrupted as signal:
+            interruption.append(signal)
+        yield from stored.items()
+        for i, point, is_optimum in zip(rows.tolist(), points, converged, strict=True):
+            yield i, remembered(keys[i], partial(_values_of, point, is_optimum))
+        if interruption:
+            raise interruption[0]
+
+
+def _refine_in_workers(
+    program: Program, x: Points, n_obj: int, solver: Solver, keys: Sequence[bytes | None]
+) -> Iterator[tuple[int, Values]]:
+    """Yield the place of every point with what workers refine it to, as they do; one that is lost stays as it is."""
+    check_interruption()
+    attempt = _attempts(n_obj, len(program.upper))[0]
+    compile_method(program, x[0], attempt.weights, attempt.options, solver=solver)
+    items = [(one, n_obj, solver) for one in x]
+    for i, values in distribute_remembered(_refine_point, program, items, keys):
+        if isinstance(values, Lost):
+            warnings.warn(f"point {i}: {values.cause}; it stays as it is", RuntimeWarning, stacklevel=2)
+            yield i, _values_of(x[i], False)
+        else:
+            yield i, values
+
+
+def _refine_point(program: Program, item: tuple[Point, int, Solver]) -> Values:
+    """Return what a point is refined to, in a worker."""
+    point, n_obj, solver = item
+    ((_, values),) = _refine_here(program, point[None], n_obj, solver, [None])
+    return values
+
+
+def _values_of(point: Point, converged: Any) -> Values:
+    return {"x": point, "converged": np.asarray(converged)}
 
 
 class _Attempt(NamedTuple):

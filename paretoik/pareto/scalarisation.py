@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TypeAlias
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from paretoik.arrays import Points
+from paretoik.distribution import workers
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.minimise import minimise
 from paretoik.nlp.program import Program, Solver
@@ -43,7 +44,7 @@ def minimise_weighted(
     x: Points,
     weights: Float[np.ndarray, "#points n_obj"],
     upper: Float[np.ndarray, "#points n_obj"] | None,
-    barrier: InteriorPointOptions,
+    barrier: InteriorPointOptions | Sequence[InteriorPointOptions],
     *,
     solver: Solver,
     batch: int | None = None,
@@ -51,17 +52,22 @@ def minimise_weighted(
 ) -> Solutions:
     """Return where points lead when weights · F is minimised with F below ``upper``; ``observe`` looks on batchwise.
 
-    Only the first n_obj of the program's F are weighted and bounded.
+    Only the first n_obj of the program's F are weighted and bounded. ``barrier`` is for all, or one a point. Workers
+    are given all points at once, and looked on as they return them.
     """
     count, n_obj = len(x), weights.shape[1]
     upper = np.full((1, n_obj), np.inf) if upper is None else upper
     others = ((0, 0), (0, len(program.upper) - n_obj))
     weights = np.pad(np.broadcast_to(weights, (count, n_obj)), others)
     upper = np.pad(np.broadcast_to(upper, (count, n_obj)), others, constant_values=np.inf)
+    if count > 1 and workers() > 1:
+        shown = None if observe is None else lambda done: observe(done, count)
+        return minimise(program, x, weights, upper, barrier, solver=solver, observe=shown)
     batch, parts = batch or max(count, 1), list[Solutions]()
     for first in range(0, max(count, 1), batch):
         rows = slice(first, first + batch)
-        parts.append(minimise(program, x[rows], weights[rows], upper[rows], barrier, solver=solver))
+        options = barrier if isinstance(barrier, InteriorPointOptions) else barrier[rows]
+        parts.append(minimise(program, x[rows], weights[rows], upper[rows], options, solver=solver))
         if observe is not None:
             observe(min(first + batch, count), count)
     return concatenate(parts)

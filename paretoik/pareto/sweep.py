@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import pairwise, product
 from typing import TypeAlias
 
@@ -11,10 +12,11 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from paretoik.arrays import Points
-from paretoik.nlp.interior_point_options import InteriorPointOptions
+from paretoik.distribution import workers
 from paretoik.nlp.program import Program, Solver
 from paretoik.nlp.solutions import Solutions, concatenate
 from paretoik.pareto.cold_search import ColdSearch
+from paretoik.pareto.epsilon_levels import Level, LevelSolver
 from paretoik.pareto.epsilon_options import OPTIONS
 from paretoik.pareto.gap_filling import POINT_TOLERANCE, fill_gaps, front_rows, is_duplicate, spread_rows
 from paretoik.pareto.placement import Gap, Target, best_rows, gap_between, hull_pairs, next_targets
@@ -105,11 +107,14 @@ class Sweep:
             )
         )
 
-    def _minimise(self, x: Points, weights: np.ndarray, upper: np.ndarray, barrier: InteriorPointOptions) -> Solutions:
-        self.epsilon = upper[0] if len(upper) == 1 else None  # else each has bounds of its own
-        return minimise_weighted(
-            self.program, x, weights, upper, barrier, solver=self.solver, batch=OPTIONS.batch, observe=self._show
-        )
+    def _solve(self, levels: Sequence[Level]) -> Solutions:
+        """Return where levels lead that have one ε."""
+        self.epsilon = levels[0].upper
+        return self._level_solver.solve(levels, self._show)
+
+    @cached_property
+    def _level_solver(self) -> LevelSolver:
+        return LevelSolver(program=self.program, n_obj=self.n_obj, solver=self.solver)
 
     def place_points(self, cold: ColdSearch, cold_points: int, further: int) -> None:
         """Add points where the front of two objectives gains the most hypervolume, until it has enough.
@@ -120,12 +125,14 @@ class Sweep:
             rows = self.front()
             pairs, gaps = self._gaps(rows)
             targets = next_targets(gaps, self._values[rows], self.points)
-            if len(rows) >= self.points:
+            if enough := len(rows) >= self.points:
                 targets = targets[: max(further, 0)]
                 further -= len(targets)
             if not targets:
                 return
-            for target in targets:
+            likely = [self._levels(pairs[target.gap], target)[0] for target in targets]
+            self._level_solver.look_ahead(likely if enough else likely[: workers()])
+            for target in targets if enough else targets[:1]:
                 pair = pairs[target.gap]
                 if len(self.tried.get(pair, ())) < self.n_obj:
                     self._place(pair, gaps[target.gap], target, cold if cold_points > 0 else None)
@@ -137,18 +144,20 @@ class Sweep:
         Where tangents contradict each other from the other side near by, always over the ridges between valleys, with a
         high barrier.
         """
-        chosen = self.spread()
-        for pair in (list(pair) for pair in pairwise(chosen.tolist())):
+        jumps = list[tuple[int, list[Level]]]()
+        for pair in (list(pair) for pair in pairwise(self.spread().tolist())):
             gap = gap_between(self._values[pair], self.weights[pair])
             if not (gap.contradicts or gap.is_concave):
                 continue
             barriers = (OPTIONS.warm, OPTIONS.cold) if gap.contradicts else (OPTIONS.cold,)
             for (row, other), main in product((pair, pair[::-1]), range(2)):
                 upper = np.where(np.arange(2) == main, np.inf, self._values[row])
-                weights = main_weights(2, np.array([main]), OPTIONS.weight)
-                ends = [self._minimise(self.x[[other]], weights, upper[None], barrier) for barrier in barriers]
-                solutions = concatenate(ends)
-                self._add_new(solutions[solutions.converged], weights, upper)
+                jumps.append((main, [Level(self.x[other], main, upper, barrier) for barrier in barriers]))
+        self._level_solver.look_ahead([level for _, levels in jumps for level in levels])
+        for main, levels in jumps:
+            solutions = concatenate([self._solve([level]) for level in levels])
+            weights = main_weights(2, np.array([main]), OPTIONS.weight)
+            self._add_new(solutions[solutions.converged], weights, levels[0].upper)
 
     def _gaps(self, rows: Int[np.ndarray, " front"]) -> tuple[list[tuple[int, int]], list[Gap]]:
         """Return the gaps that may hold new points, and their ends: those between neighbours, and those of the hull.
@@ -169,22 +178,27 @@ class Sweep:
 
     def _place(self, pair: tuple[int, int], gap: Gap, target: Target, cold: ColdSearch | None) -> None:
         """Minimise across the longer side of a gap, to the target on that, or else across the other side."""
-        ends, mains = self._values[list(pair)], self.tried.setdefault(pair, [])
-        main = next(k for k in np.argsort(np.abs(ends[0] - ends[1]), kind="stable").tolist() if k not in mains)
-        upper = np.where(np.arange(self.n_obj) == main, np.inf, _on_grid(target.values, ends))
+        ends, levels = self._values[list(pair)], self._levels(pair, target)
+        main, upper = levels[0].main, levels[0].upper
         weights = main_weights(self.n_obj, np.array([main]), OPTIONS.weight)
-        nearer = np.argsort(np.abs(ends - target.values)[:, 1 - main], kind="stable")
-        solutions = self._minimise(self.x[[pair[nearer[0]]]], weights, upper[None], OPTIONS.warm)
+        solutions = self._solve(levels[:1])
         expected, corner = (1 - OPTIONS.falls_short) * np.prod(ends.max(axis=0) - target.values), ends.max(axis=0)
         if gap.contradicts or not self._gain(solutions, corner) >= expected:
-            other = self._minimise(self.x[[pair[nearer[1]]]], weights, upper[None], OPTIONS.warm)
-            solutions = concatenate([solutions, other])
+            solutions = concatenate([solutions, self._solve(levels[1:])])
         solutions = solutions[solutions.converged]
         optima = None if cold is None else cold.optima_below(self.program, main, upper, OPTIONS.weight)
         if optima is not None:
             solutions = concatenate([solutions, optima[optima.converged][: OPTIONS.cold_optima]])
         if not self._add_new(solutions, weights, corner) or self._gain(solutions, corner) < expected / 2:
-            mains.append(main)
+            self.tried.setdefault(pair, []).append(main)
+
+    def _levels(self, pair: tuple[int, int], target: Target) -> list[Level]:
+        """Return how a gap's longer side, or else the other, is crossed to a target: from its nearer end, the other."""
+        ends, mains = self._values[list(pair)], self.tried.get(pair, ())
+        main = next(k for k in np.argsort(np.abs(ends[0] - ends[1]), kind="stable").tolist() if k not in mains)
+        upper = np.where(np.arange(self.n_obj) == main, np.inf, _on_grid(target.values, ends))
+        nearer = np.argsort(np.abs(ends - target.values)[:, 1 - main], kind="stable").tolist()
+        return [Level(self.x[pair[i]], main, upper) for i in nearer]
 
     def _gain(self, solutions: Solutions, corner: Float[np.ndarray, " 2"]) -> float:
         """Return the most hypervolume that one of the solutions has below a corner."""
@@ -205,14 +219,23 @@ class Sweep:
 
     def fill_gaps(self) -> None:
         """Add points in the widest gaps of the front, until it has enough."""
-        fill_gaps(lambda: self._values[self.front()], self._minimise_below, self.points)
+        fill_gaps(lambda: self._values[self.front()], self._minimise_below, self.points, self._look_below)
+
+    def _look_below(self, bounds: Sequence[tuple[int, Float[np.ndarray, " n_obj"]]]) -> None:
+        """Let workers minimise objectives below bounds ahead, the first ones, as many as there are workers for."""
+        first = bounds[: max(workers() // OPTIONS.nearest, 1)]
+        self._level_solver.look_ahead([level for main, upper in first for level in self._levels_below(main, upper)])
+
+    def _levels_below(self, main: int, upper: Float[np.ndarray, " n_obj"]) -> list[Level]:
+        """Return how objective ``main`` is minimised below ``upper``, from the nearest points."""
+        off = np.abs(self._values - np.where(np.isfinite(upper), upper, self._values)).max(axis=1)
+        nearest = np.argsort(off, kind="stable")[: OPTIONS.nearest]
+        return [Level(x, main, upper) for x in self.x[nearest]]
 
     def _minimise_below(self, main: int, upper: Float[np.ndarray, " n_obj"]) -> bool:
         """Minimise objective ``main`` below ``upper`` from the nearest points; return whether that is a new one."""
-        off = np.abs(self._values - np.where(np.isfinite(upper), upper, self._values)).max(axis=1)
-        starts = self.x[np.argsort(off, kind="stable")[: OPTIONS.nearest]]
         weights = main_weights(self.n_obj, np.array([main]), OPTIONS.weight)
-        solutions = self._minimise(starts, weights, upper[None], OPTIONS.warm)
+        solutions = self._solve(self._levels_below(main, upper))
         best = int(np.argmin(np.where(solutions.converged, solutions.objectives[:, main], np.inf)))
         if not solutions.converged[best] or is_duplicate(solutions.objectives[best], self.objectives):
             return False
@@ -233,7 +256,17 @@ class Sweep:
                 return
             tried = np.concatenate([tried, pairs])
             upper = self._values[pairs[:, 0]]
-            solutions = self._minimise(self.x[pairs[:, 1]], np.ones((1, self.n_obj)), upper, options)
+            self.epsilon = upper[0] if len(upper) == 1 else None  # else each has bounds of its own
+            solutions = minimise_weighted(
+                self.program,
+                self.x[pairs[:, 1]],
+                np.ones((1, self.n_obj)),
+                upper,
+                options,
+                solver=self.solver,
+                batch=OPTIONS.batch,
+                observe=self._show,
+            )
             gain = np.sum(upper - solutions.objectives[:, : self.n_obj], axis=1)
             better = solutions.converged & (gain > 10 * POINT_TOLERANCE)
             if not better.any():

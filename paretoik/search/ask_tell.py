@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,46 +13,16 @@ from pymoo.core.termination import NoTermination
 from paretoik.arrays import Genes, Ids, Mask, Objectives
 from paretoik.errors import InvalidInput
 from paretoik.inputs import check_count, check_seed, check_size, integer_array, real_array, shown
-from paretoik.search.archive import Archive, Failures
-from paretoik.search.constraints import EQUALITY_TOLERANCE, TOLERANCE, Floats, column_tolerance, violations
+from paretoik.search.archive import Failures
+from paretoik.search.candidates import Candidates, Feasibility, Outcome, archive_front
+from paretoik.search.constraints import EQUALITY_TOLERANCE, TOLERANCE, Floats, violations
 from paretoik.search.maximin import column, survivors
 from paretoik.search.nsga2 import MaxiMinNSGA2
 from paretoik.search.objectives import describe_objectives
 from paretoik.search.seeding import SMALLEST_POPULATION, check_algorithm, check_problem, checked_genes
-from paretoik.tables import field_representation, html_representation
 
 if TYPE_CHECKING:
     from paretoik.front import Front
-
-
-@dataclass(frozen=True, eq=False)
-class Candidates:
-    """What to evaluate: ``ids`` (n,), genes ``X`` (n, genes), and the index of their ``generation``, from 0."""
-
-    ids: Ids
-    X: Genes
-    generation: int
-
-    __repr__ = field_representation
-    _repr_html_ = html_representation
-
-
-@dataclass(frozen=True, eq=False)
-class Outcome:
-    """Evaluated rows: ``F``, ``G``, ``H`` (rows, columns), and ``causes`` of failure by row or id."""
-
-    F: Objectives
-    G: Floats
-    H: Floats
-    causes: dict[int, str]
-
-    @classmethod
-    def of(cls, problem: Any, results: Mapping[str, Any], rows: int) -> Outcome:
-        """Return results "F", "G", "H" and "cause" of so many rows, NaN where there are none."""
-        columns = {"F": problem.n_obj, "G": problem.n_ieq_constr, "H": problem.n_eq_constr}
-        tables = {k: np.asarray(results.get(k, np.full((rows, size), np.nan))) for k, size in columns.items()}
-        causes = {row: str(cause) for row, cause in enumerate(results.get("cause", ())) if cause}
-        return cls(**tables, causes=causes)
 
 
 class Search:
@@ -103,9 +72,11 @@ class Search:
         self.names, self.units, self.maximised = describe_objectives(problem)
         self._algorithm = self._new_algorithm(initial)
         survival = self._algorithm.survival
-        self._tolerance = getattr(survival, "tolerance", TOLERANCE)
-        self._equality_tolerance = getattr(survival, "equality_tolerance", EQUALITY_TOLERANCE)
-        self.archive = Archive(tolerance=self._archive_tolerance(), names=self.names)
+        self.feasibility = Feasibility(
+            tolerance=getattr(survival, "tolerance", TOLERANCE),
+            equality_tolerance=getattr(survival, "equality_tolerance", EQUALITY_TOLERANCE),
+        )
+        self.archive = self.feasibility.archive(problem, self.names)
         self._generation = 0
         self._evaluations = 0
         self._population: Objectives = np.empty((0, problem.n_obj))
@@ -152,25 +123,7 @@ class Search:
 
     def front_of(self, points: int | None) -> Front:
         """Return the front thinned by MaxiMin to at most so many points; None keeps all of them."""
-        from paretoik.front import Front
-
-        check_count("points", points)
-        members = self.archive.members
-        if members is not None and points is not None and len(members) > points:
-            members = members[np.sort(survivors(members.F, np.zeros(len(members)), points).index)]
-        X = np.empty((0, self.problem.n_var)) if members is None else members.X
-        F = np.empty((0, self.problem.n_obj)) if members is None else members.F
-        decode = getattr(self.problem, "decode", None)
-        return Front(
-            ids=np.empty(0, dtype=np.int64) if members is None else members.ids,
-            objectives=np.where(self.maximised, -F, F),
-            names=self.names,
-            units=self.units,
-            maximised=self.maximised,
-            genes=X,
-            motions=decode(X) if decode is not None and len(X) else None,
-            violation=None if members is None else members.G.max(axis=1, initial=0.0),
-        )
+        return archive_front(self, points)
 
     def ask(self) -> Candidates:
         """Return what to evaluate; the same object until all of it has been told."""
@@ -243,12 +196,10 @@ class Search:
 
     def _advance(self, outcome: Outcome) -> None:
         assert self._candidates is not None
-        slack = column_tolerance("equality_tolerance", self._equality_tolerance, outcome.H.shape[1])
-        columns = np.column_stack((outcome.G, np.abs(outcome.H) - slack))
+        columns = self.feasibility.columns(outcome)
         ids, X = self._candidates.ids, self._candidates.X
         self.archive.add(ids, X, outcome.F, columns, self._generation, causes=outcome.causes)
-        tolerances = {"tolerance": self._tolerance, "equality_tolerance": self._equality_tolerance}
-        violation = violations(outcome.F, outcome.G, outcome.H, **tolerances)
+        violation = violations(outcome.F, outcome.G, outcome.H, **vars(self.feasibility))
         usable = np.where(np.isfinite(outcome.F).all(axis=1, keepdims=True), outcome.F, np.inf)
         for row, individual in enumerate(self._infills):
             individual.data["objectives"] = usable[row]
@@ -295,10 +246,6 @@ class Search:
             int(np.random.SeedSequence([self._seed, self._stage]).generate_state(1)[0]) if self._stages else self._seed
         )
         return algorithm.setup(self.problem, seed=seed, termination=NoTermination())
-
-    def _archive_tolerance(self) -> Floats:
-        inequalities = column_tolerance("tolerance", self._tolerance, self.problem.n_ieq_constr)
-        return np.concatenate((inequalities, np.zeros(self.problem.n_eq_constr)))
 
 
 def _table(name: str, values: ArrayLike | None, rows: int, columns: int) -> Floats:

@@ -11,7 +11,7 @@ from jaxtyping import Int
 
 from paretoik.arrays import Genes
 from paretoik.errors import EvaluationFailed
-from paretoik.search.ask_tell import Outcome
+from paretoik.search.candidates import Outcome
 from paretoik.user_functions import user_function
 
 Rows: TypeAlias = Int[np.ndarray, " _"]  # numbers of rows, as many as there are

@@ -15,11 +15,12 @@ from paretoik.search.constraints import Floats
 from paretoik.search.endings import Ending, Progress
 from paretoik.search.evaluation import Evaluate
 from paretoik.search.generation_evaluation import Evaluation, evaluate_again, evaluate_candidates
+from paretoik.search.islands import Islands
 from paretoik.user_functions import warn_of_odd_objectives
 
 
 def evolve(
-    search: Search,
+    search: Search | Islands,
     endings: Sequence[Ending],
     *,
     evaluate: Evaluate | None = None,
@@ -63,7 +64,7 @@ def evolve(
         return "interrupted"
 
 
-def _one_generation(search: Search, evaluation: Evaluation) -> None:
+def _one_generation(search: Search | Islands, evaluation: Evaluation) -> None:
     candidates = search.ask()
     ids = candidates.ids
     outcome = evaluate_candidates(search, candidates, evaluation)
@@ -79,7 +80,7 @@ def _one_generation(search: Search, evaluation: Evaluation) -> None:
         warn_of_odd_objectives(search.names, outcome.F * signs, again * signs)
 
 
-def _progress(search: Search, past: tuple[Floats, ...], seconds: float) -> Progress:
+def _progress(search: Search | Islands, past: tuple[Floats, ...], seconds: float) -> Progress:
     return Progress(
         generation=search.generation,
         evaluations=search.evaluations,

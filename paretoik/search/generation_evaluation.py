@@ -15,8 +15,10 @@ from paretoik.arrays import Genes, Objectives
 from paretoik.distribution import Lost, distribute, workers
 from paretoik.errors import InvalidRun
 from paretoik.journal import Values, key_of, recalled, remembered
-from paretoik.search.ask_tell import Candidates, Outcome, Search
+from paretoik.search.ask_tell import Search
+from paretoik.search.candidates import Candidates, Outcome
 from paretoik.search.evaluation import Evaluate, Rows, evaluate_rows, joined
+from paretoik.search.islands import Islands
 from paretoik.stop_flag import check_interruption
 
 
@@ -58,7 +60,7 @@ class Evaluation:
         return _elementwise(self.problem) and not self.is_row_by_row
 
 
-def evaluate_candidates(search: Search, candidates: Candidates, evaluation: Evaluation) -> Outcome:
+def evaluate_candidates(search: Search | Islands, candidates: Candidates, evaluation: Evaluation) -> Outcome:
     """Return the outcome of a generation, from the run's journal where it is there.
 
     Raises InvalidRun where the journal has that of other genes: then the search does not repeat itself. Where rows are
@@ -82,7 +84,7 @@ def evaluate_candidates(search: Search, candidates: Candidates, evaluation: Eval
     return _outcome(values)
 
 
-def evaluate_again(search: Search, candidates: Candidates, evaluation: Evaluation) -> Objectives:
+def evaluate_again(search: Search | Islands, candidates: Candidates, evaluation: Evaluation) -> Objectives:
     """Return F of the first row of a generation, evaluated once more; from the run's journal where it is there."""
     of = search.names, search.seed, candidates.generation, "again"
 

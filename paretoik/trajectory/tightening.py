@@ -8,16 +8,22 @@ give way where the projection does not follow.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from jaxtyping import Float
 from numpy.lib.stride_tricks import sliding_window_view
 
+from paretoik.distribution import Lost, distribute_remembered, workers
+from paretoik.journal import Values, remembered
 from paretoik.nlp.interior_point_options import InteriorPointOptions
-from paretoik.nlp.minimise import minimise
+from paretoik.nlp.minimise import compile_method, minimise
 from paretoik.nlp.program import Solver
+from paretoik.nlp.program_key import program_key
 from paretoik.pareto.certificates import weights_at
 from paretoik.pareto.refine import refine
 from paretoik.robot.scales import joint_scales
@@ -121,16 +127,50 @@ def hold_all(
 
     ``observe`` is called with what is done and with all.
     """
-    results = list[HeldMotion]()
+    results = dict[int, HeldMotion]()
+    with suppress(Interrupted):
+        for i, held in _hold_each(program, x, n_obj, solver):
+            results[i] = held
+            if observe is not None:
+                observe(len(results), len(x))
+    unseen = partial(HeldMotion, bounds=program.bounds, violation=np.nan)
+    return [results[i] if i in results else unseen(x=one) for i, one in enumerate(x)]
+
+
+def _hold_each(
+    program: MotionProgram, x: Float[np.ndarray, "motions time dof"], n_obj: int, solver: Solver
+) -> Iterator[tuple[int, HeldMotion]]:
+    """Yield the place of every motion with what it is held to, from the journal if there, or as workers return it.
+
+    Raises Interrupted after a signal.
+    """
+    check_interruption()
+    keys = [program_key("held motion", program, one, n_obj, solver) for one in x]
+    if len(x) > 1 and workers() > 1:
+        compile_method(program, x[0], np.eye(1, len(program.upper)), OPTIONS.warm, solver=solver)
+        for i, values in distribute_remembered(_hold_values, program, [(one, n_obj, solver) for one in x], keys):
+            if isinstance(values, Lost):
+                warnings.warn(f"motion {i}: {values.cause}; it stays as it is", RuntimeWarning, stacklevel=2)
+                yield i, HeldMotion(x=x[i], bounds=program.bounds, violation=np.nan)
+            else:
+                yield i, _held_motion(values)
+        return
     for i, one in enumerate(x):
-        try:
-            check_interruption()
-            results.append(hold_between(program, one, n_obj, solver=solver))
-        except Interrupted:
-            return results + [HeldMotion(x=motion, bounds=program.bounds, violation=np.nan) for motion in x[i:]]
-        if observe is not None:
-            observe(i + 1, len(x))
-    return results
+        check_interruption()
+        yield i, _held_motion(remembered(keys[i], partial(_hold_values, program, (one, n_obj, solver))))
+
+
+def _hold_values(program: MotionProgram, item: tuple[np.ndarray, int, Solver]) -> Values:
+    """Return a motion that is held as plain arrays, in a worker too."""
+    x, n_obj, solver = item
+    held = hold_between(program, x, n_obj, solver=solver)
+    near = {} if held.near is None else {"near": held.near}
+    return {"x": held.x, "bounds": held.bounds, "violation": np.asarray(held.violation), **near}
+
+
+def _held_motion(values: Values) -> HeldMotion:
+    violation = float(values["violation"])
+    return HeldMotion(x=values["x"], bounds=values["bounds"], violation=violation, near=values.get("near"))
 
 
 def feasible_motions(program: MotionProgram, x: Float[np.ndarray, "motions time dof"]) -> list[HeldMotion]:

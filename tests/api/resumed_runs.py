@@ -67,6 +67,7 @@ PROBLEMS = {
     "search": tracking,
     "solve": tracking,
     "solve from motions": tracking,
+    "islands": tracking,
     "loop": loop,
     "plan": lambda: tracking(pk.kinetic_energy, velocity=3.8),
     "epsilon_front": tracking,
@@ -89,6 +90,8 @@ def run(verb: str, out: Path) -> pk.Front | pk.Plan:
         case "solve from motions":
             motions = source(problem).motions[:2]
             return pk.solve(problem, population=12, generations=4, initial=motions, points=None, out=out)
+        case "islands":
+            return pk.solve(problem, population=6, generations=24, islands=3, seed=2, stagnation=False, out=out)
         case "loop":
             return pk.solve(problem, out=out, record_steps=[3])
         case "plan":

@@ -23,6 +23,7 @@ ENTRIES = {  # of the journal when the process is killed
     "search": 7,
     "solve": 30,
     "solve from motions": 3,
+    "islands": 18,
     "loop": 9,
     "plan": 8,
     "epsilon_front": 14,

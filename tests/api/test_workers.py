@@ -22,10 +22,10 @@ from paretoik.execution.cluster import Cluster
 from paretoik.execution.executor import open_executor
 from paretoik.execution.worker_processes import WorkerProcesses
 from paretoik.run_files import CHECKPOINT, JOURNAL, RUN
+from studies.benchmarks.scaling.local_cluster import local_cluster
 from tests.api.problems import QUICK, tracking
 from tests.api.resumed_runs import PROBLEMS, Deadly, Hanging, Slow, run
 from tests.api.test_resume import ENTRIES, check_same, killed
-from tests.execution.dask_cluster import dask_cluster
 
 ROOT = Path(__file__).parents[2]
 
@@ -42,7 +42,12 @@ def executor():
     [
         "solve",
         "plan",
-        *(pytest.param(verb, marks=pytest.mark.slow) for verb in PROBLEMS if verb not in ("solve", "plan", "loop")),
+        "refine",
+        *(
+            pytest.param(verb, marks=pytest.mark.slow)
+            for verb in PROBLEMS
+            if verb not in ("solve", "plan", "refine", "loop")
+        ),
     ],
 )
 def test_workers_come_to_the_same_bit_for_bit(verb, executor, tmp_path):
@@ -54,13 +59,14 @@ def test_workers_come_to_the_same_bit_for_bit(verb, executor, tmp_path):
 @pytest.fixture(scope="module")
 def cluster(tmp_path_factory):
     pytest.importorskip("distributed", reason="Dask is not installed: pip install paretoik[cluster]")
-    with dask_cluster(tmp_path_factory.mktemp("dask"), 2) as started:
+    with local_cluster(tmp_path_factory.mktemp("dask"), 2) as started:
         yield started
 
 
 @pytest.mark.filterwarnings("ignore:(workers. they do not pay|cluster. no worker at)")
 @pytest.mark.parametrize(
-    "verb", ["solve", *(pytest.param(verb, marks=pytest.mark.slow) for verb in ("plan", "epsilon_front", "refine"))]
+    "verb",
+    ["solve", *(pytest.param(verb, marks=pytest.mark.slow) for verb in ("plan", "epsilon_front", "refine", "islands"))],
 )
 def test_a_cluster_comes_to_the_same_bit_for_bit(verb, cluster, tmp_path):
     alone = run(verb, tmp_path / "alone")
@@ -136,6 +142,7 @@ def test_a_row_that_takes_too_long_has_failed_and_the_search_goes_on():
     assert front.provenance["settings"]["evaluation_timeout"] == 0.3
 
 
+@pytest.mark.filterwarnings("ignore:workers. they do not pay")
 def test_a_row_that_ends_every_worker_has_failed_and_the_search_goes_on():
     front = pk.solve(Deadly(), population=10, generations=2, seed=1, workers=2)
     assert front.provenance["counts"]["failed"] == 1

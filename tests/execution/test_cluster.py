@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import threading
 import time
 from contextlib import closing
 from dataclasses import replace
@@ -14,10 +13,9 @@ import pytest
 from paretoik.distribution import Done, Lost, Raised
 from paretoik.errors import InvalidInput, SolverFailed
 from paretoik.execution.cluster import OPTIONS, Cluster
-from paretoik.stop_flag import STOP, Interrupted
+from studies.benchmarks.scaling.local_cluster import local_cluster
 from tests.execution import work
-from tests.execution.dask_cluster import dask_cluster
-from tests.execution.test_worker_processes import is_alive, values, wait_until
+from tests.execution.test_worker_processes import check_that_a_signal_ends, is_alive, values, wait_until
 
 pytest.importorskip("distributed", reason="Dask is not installed: pip install paretoik[cluster]")
 pytestmark = pytest.mark.filterwarnings("ignore:cluster. no worker at .* is waited for")
@@ -25,7 +23,7 @@ pytestmark = pytest.mark.filterwarnings("ignore:cluster. no worker at .* is wait
 
 @pytest.fixture(scope="module")
 def address(tmp_path_factory):
-    with dask_cluster(tmp_path_factory.mktemp("dask"), 2) as cluster:
+    with local_cluster(tmp_path_factory.mktemp("dask"), 2) as cluster:
         yield cluster.address
 
 
@@ -67,20 +65,7 @@ def test_an_item_that_takes_too_long_is_ended_and_lost_and_its_worker_lives(clus
 
 
 def test_a_signal_ends_the_wait_within_a_second(cluster):
-    def stop() -> None:
-        stopped.append(time.monotonic())
-        STOP[0] = signal.SIGTERM
-
-    stopped: list[float] = []
-    timer = threading.Timer(1.0, stop)
-    timer.start()
-    try:
-        with pytest.raises(Interrupted):
-            list(cluster.replies(work.sleep, 1.0, range(40)))
-        assert time.monotonic() - stopped[0] < 1.0
-    finally:
-        timer.join()
-        STOP[0] = 0
+    check_that_a_signal_ends(cluster.replies(work.sleep, 1.0, range(40)))
     assert values(cluster.replies(work.scaled, 2.0, [1.0])) == {0: 2.0}
 
 
@@ -94,7 +79,7 @@ def test_another_make_of_processor_is_said_once(cluster, monkeypatch):
     monkeypatch.setattr("paretoik.execution.cluster.processor", lambda: ("riscv64",))
     with pytest.warns(RuntimeWarning, match="another make of processor: the run is reproducible to rounding") as told:
         assert values(cluster.replies(work.scaled, 1.0, [1.0, 2.0])) == {0: 1.0, 1: 2.0}
-    assert len(told) == 1
+    assert sum("another make" in str(each.message) for each in told) == 1
 
 
 def test_where_no_scheduler_answers_that_is_said_at_once():
@@ -105,7 +90,7 @@ def test_where_no_scheduler_answers_that_is_said_at_once():
 @pytest.mark.slow
 def test_workers_that_never_come_are_waited_for_a_while(tmp_path):
     options = replace(OPTIONS, watch=0.2, patience=1.0)
-    with dask_cluster(tmp_path, 0) as empty, closing(Cluster(empty.address, options)) as cluster:
+    with local_cluster(tmp_path, 0) as empty, closing(Cluster(empty.address, options)) as cluster:
         with pytest.raises(SolverFailed, match=r"cluster: no worker at tcp://.* for 1 s; a run goes on with resume"):
             list(cluster.replies(work.scaled, 1.0, [1.0]))
         empty.start_workers(1)
@@ -117,7 +102,7 @@ def test_workers_that_never_come_are_waited_for_a_while(tmp_path):
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
 def test_a_scheduler_that_dies_or_freezes_is_noticed(tmp_path, number):
     options = replace(OPTIONS, watch=0.2, patience=2.0)
-    with dask_cluster(tmp_path, 1) as fragile, closing(Cluster(fragile.address, options)) as cluster:
+    with local_cluster(tmp_path, 1) as fragile, closing(Cluster(fragile.address, options)) as cluster:
         assert wait_until(cluster.client.nthreads, 60.0)
         replies = cluster.replies(work.sleep, 0.2, range(100))
         next(replies)
@@ -133,7 +118,7 @@ def test_a_scheduler_that_dies_or_freezes_is_noticed(tmp_path, number):
 
 @pytest.mark.slow
 def test_a_scheduler_that_comes_back_is_given_what_is_left(tmp_path):
-    with dask_cluster(tmp_path, 1) as fragile, closing(Cluster(fragile.address)) as cluster:
+    with local_cluster(tmp_path, 1) as fragile, closing(Cluster(fragile.address)) as cluster:
         assert wait_until(cluster.client.nthreads, 60.0)
         replies = cluster.replies(work.slow_process, "shared", range(30))
         _, first = next(replies)
@@ -148,7 +133,7 @@ def test_a_scheduler_that_comes_back_is_given_what_is_left(tmp_path):
 @pytest.mark.slow
 def test_a_worker_that_freezes_is_left_out_and_others_do_its_work(tmp_path):
     options = replace(OPTIONS, watch=0.2, frozen=3.0)
-    with dask_cluster(tmp_path, 2) as half, closing(Cluster(half.address, options)) as cluster:
+    with local_cluster(tmp_path, 2) as half, closing(Cluster(half.address, options)) as cluster:
         assert wait_until(lambda: len(cluster.client.nthreads()) == 2, 60.0)
         processes = sorted(set(values(cluster.replies(work.process, None, range(40))).values()))
         replies = cluster.replies(work.slow_process, None, range(40))

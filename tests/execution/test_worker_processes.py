@@ -9,13 +9,14 @@ import sys
 import threading
 import time
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from paretoik.distribution import Done, Lost, Raised
 from paretoik.errors import InvalidInput
-from paretoik.execution.worker_processes import WorkerProcesses
+from paretoik.execution.worker_processes import OPTIONS, WorkerProcesses
 from paretoik.stop_flag import STOP, Interrupted
 from tests.execution import work
 
@@ -44,6 +45,25 @@ def wait_until(condition, seconds: float) -> bool:
     while not condition() and time.monotonic() < end:
         time.sleep(0.02)
     return bool(condition())
+
+
+def check_that_a_signal_ends(replies) -> None:
+    """Whoever waits for replies that take minutes is told of a signal within a second."""
+
+    def stop() -> None:
+        stopped.append(time.monotonic())
+        STOP[0] = signal.SIGTERM
+
+    stopped: list[float] = []
+    timer = threading.Timer(1.0, stop)
+    timer.start()
+    try:
+        with pytest.raises(Interrupted):
+            list(replies)
+        assert time.monotonic() - stopped[0] < 1.0
+    finally:
+        timer.join()
+        STOP[0] = 0
 
 
 def test_every_item_has_its_reply_whichever_worker_it_comes_from(workers):
@@ -108,20 +128,7 @@ def test_an_item_that_takes_too_long_is_ended_and_lost(workers, function):
 
 
 def test_a_signal_ends_what_workers_compute_within_a_second(workers):
-    def stop() -> None:
-        stopped.append(time.monotonic())
-        STOP[0] = signal.SIGTERM
-
-    stopped: list[float] = []
-    timer = threading.Timer(1.0, stop)
-    timer.start()
-    try:
-        with pytest.raises(Interrupted):
-            list(workers.replies(work.hold_the_lock, None, [1, 1]))
-        assert time.monotonic() - stopped[0] < 1.0
-    finally:
-        timer.join()
-        STOP[0] = 0
+    check_that_a_signal_ends(workers.replies(work.hold_the_lock, None, [1, 1]))
     assert values(workers.replies(work.scaled, 2.0, [1.0])) == {0: 2.0}
 
 
@@ -142,6 +149,34 @@ def test_workers_end_with_a_process_that_is_killed_even_in_code_that_holds_the_l
         os.kill(client.pid, signal.SIGKILL)
         client.wait()
     assert wait_until(lambda: not any(map(is_alive, processes)), 1.0)
+
+
+def test_a_worker_that_freezes_is_replaced_and_what_it_had_is_computed():
+    with closing(WorkerProcesses(2, replace(OPTIONS, frozen=1.0))) as opened:
+        processes = sorted({*values(opened.replies(work.process, None, range(20))).values()})
+        replies = opened.replies(work.slow_process, None, range(12))
+        next(replies)
+        os.kill(processes[0], signal.SIGSTOP)
+        with pytest.warns(
+            RuntimeWarning, match=rf"workers: process {processes[0]} was stopped for 1 s and is replaced"
+        ):
+            rest = values(replies)
+        assert len(rest) == 11
+        assert not is_alive(processes[0])
+        assert is_alive(processes[1])
+
+
+def test_a_worker_that_is_stopped_for_a_moment_goes_on():
+    with closing(WorkerProcesses(2, replace(OPTIONS, frozen=5.0))) as opened:
+        processes = {*values(opened.replies(work.process, None, range(20))).values()}
+        replies = opened.replies(work.slow_process, None, range(12))
+        next(replies)
+        for process in processes:
+            os.kill(process, signal.SIGSTOP)
+        timer = threading.Timer(0.5, lambda: [os.kill(process, signal.SIGCONT) for process in processes])
+        timer.start()
+        assert {*values(replies).values()} <= processes
+        timer.join()
 
 
 def test_workers_have_one_thread_each_and_ignore_an_interruption_from_the_keyboard(workers):

@@ -25,6 +25,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal, NoReturn
 
+from paretoik.execution.child_environment import child_environment
+
 Kind = Literal["open", "record", "end"]
 HEADER = 8  # bytes before a message: its length, big end first
 
@@ -101,7 +103,7 @@ class RecordingProcess:
             stdout=subprocess.PIPE,
             stderr=self._log,
             bufsize=0,
-            env=_environment(),
+            env=child_environment(),
             start_new_session=True,  # Ctrl-C in the terminal is for the run
         )
         assert self._child.stdin is not None
@@ -265,12 +267,6 @@ def pickle_message(message: Any) -> memoryview:
     frame = content.getbuffer()
     frame[:HEADER] = (len(frame) - HEADER).to_bytes(HEADER)
     return frame
-
-
-def _environment() -> dict[str, str]:
-    """Return what the child starts with: it finds modules where this process does."""
-    path = os.pathsep.join(entry or str(Path.cwd()) for entry in sys.path)
-    return os.environ | {"PYTHONPATH": path}
 
 
 def part_of(file: Path, run: int) -> Path:

@@ -1,0 +1,148 @@
+"""Islands: populations that evolve each by itself, and now and then send some of their best to the next, in a ring.
+
+What all of them ask for is evaluated together, so that many workers have something to do. Each island has chance of its
+own, all migrate after the same generations, and migrants are in the order of their ids: whoever evaluates, it comes to
+the same, bit for bit. Source: Alba & Tomassini 2002, "Parallelism and evolutionary algorithms", section IV.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from paretoik.arrays import Genes, Ids, Objectives
+from paretoik.front import Front
+from paretoik.inputs import check_size
+from paretoik.search.archive import Failures
+from paretoik.search.ask_tell import Search
+from paretoik.search.candidates import Candidates, Outcome, archive_front
+from paretoik.search.maximin import survivors
+
+
+@dataclass(frozen=True, kw_only=True)
+class IslandOptions:
+    """After every so many generations as ``epoch`` says migrants leave, a ``share`` of a population, one at least.
+
+    They are spread over the front of their island. No one leaves while objectives are searched alone.
+    """
+
+    epoch: int = 10
+    share: float = 0.05
+
+
+OPTIONS = IslandOptions()
+
+
+class Islands:
+    """So many ``islands``, each a ``Search`` with the same arguments and a seed of its own, and one archive of all.
+
+    It is asked and told as a ``Search`` is, all rows of a generation at a time. Raises InvalidInput as that one does.
+    """
+
+    def __init__(
+        self,
+        problem: Any,
+        islands: int,
+        *,
+        population: int = 100,
+        seed: int = 0,
+        initial: ArrayLike | None = None,
+        algorithm: Any = None,
+        anchors: int = 0,
+        options: IslandOptions = OPTIONS,
+    ) -> None:
+        check_size("islands", islands, 1)
+        self.problem, self.seed, self.evaluations = problem, seed, 0
+        self._searches = [
+            Search(
+                problem,
+                population=population,
+                seed=int(np.random.SeedSequence([seed, i]).generate_state(1)[0]),
+                initial=initial,
+                algorithm=algorithm,
+                anchors=anchors,
+            )
+            for i in range(islands)
+        ]
+        first = self._searches[0]
+        self.names, self.units, self.maximised = first.names, first.units, first.maximised
+        self.archive = first.feasibility.archive(problem, self.names)
+        self._migrants = max(1, round(options.share * population))
+        self._epoch, self._first_epoch = options.epoch, anchors * problem.n_obj
+        self._candidates: Candidates | None = None
+
+    @property
+    def generation(self) -> int:
+        """Generations completed, which is the index of the one being asked."""
+        return self._searches[0].generation
+
+    @property
+    def failed(self) -> Failures:
+        """Count and first cause of the evaluations that gave no usable number."""
+        return self.archive.failed
+
+    @property
+    def population(self) -> Objectives:
+        """Minimised objectives (individuals, n_obj) of what evolves on all islands; failed rows are inf."""
+        return np.concatenate([search.population for search in self._searches])
+
+    def front_of(self, points: int | None) -> Front:
+        """Return the front of all islands, thinned by MaxiMin to at most so many points; None keeps all of them."""
+        return archive_front(self, points)
+
+    def ask(self) -> Candidates:
+        """Return what to evaluate on all islands; the same object until all of it has been told."""
+        if self._candidates is None:
+            X = np.concatenate([search.ask().X for search in self._searches])
+            X.flags.writeable = False
+            self._candidates = Candidates(self.evaluations + np.arange(len(X)), X, self.generation)
+        return self._candidates
+
+    def suggest(self, X: Genes) -> None:
+        """Have these genes (rows, genes) evaluated next, shared out among the islands."""
+        for i, search in enumerate(self._searches):
+            search.suggest(X[i :: len(self._searches)])
+
+    def tell(
+        self, ids: Ids, F: Objectives, G: np.ndarray, *, H: np.ndarray, causes: Mapping[int, str] | None = None
+    ) -> None:
+        """Tell objectives and constraints of all that was asked for, ``causes`` of failure by id; see ``Search``."""
+        candidates, causes = self._candidates, causes or {}
+        assert candidates is not None
+        assert np.array_equal(ids, candidates.ids)
+        outcome = Outcome(F=F, G=G, H=H, causes=dict(causes))
+        columns = self._searches[0].feasibility.columns(outcome)
+        self.archive.add(ids, candidates.X, F, columns, candidates.generation, causes=causes)
+        first = 0
+        for search in self._searches:
+            own = search.ask().ids
+            rows = slice(first, first + len(own))
+            own_causes = {
+                int(one): causes[int(one_of_all)]
+                for one, one_of_all in zip(own, ids[rows], strict=True)
+                if int(one_of_all) in causes
+            }
+            search.tell(own, F[rows], G[rows], H=H[rows], causes=own_causes)
+            first += len(own)
+        self.evaluations, self._candidates = self.evaluations + len(ids), None
+        if self.generation >= self._first_epoch and self.generation % self._epoch == 0:
+            self._migrate()
+
+    def _migrate(self) -> None:
+        """Send migrants of every island to the next: they take the places of as many offspring there."""
+        migrants = [self._migrants_of(search) for search in self._searches]
+        for i, search in enumerate(self._searches):
+            search.suggest(migrants[i - 1])
+
+    def _migrants_of(self, search: Search) -> Genes:
+        """Return genes of points that spread over the front of an island, in the order of their ids."""
+        members = search.archive.members
+        if members is None:
+            return np.empty((0, self.problem.n_var))
+        if len(members) > self._migrants:
+            members = members[survivors(members.F, np.zeros(len(members)), self._migrants).index]
+        return np.asarray(members.X[np.argsort(members.ids)])

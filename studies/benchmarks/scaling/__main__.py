@@ -1,0 +1,205 @@
+"""Searches and starts on a Dask cluster of two workers against one process, and what a thousand workers would take.
+
+    python -m studies.benchmarks.scaling [--quick] [--json FILE]
+
+The cluster is started as users start it, on this machine. Efficiency by processor is what this process computes
+alone, divided by what client, scheduler and workers compute for the same, warm workers; by clock it is the time alone
+divided by twice that of two workers. Half of what is done alone is done before, half after, as others may use the
+machine too. Overheads of a task are measured with tasks that do nothing, waiting with tasks that sleep, both with two
+workers; the model that has them predicts what more workers than there are cores take for tasks that sleep.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import closing, contextmanager
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import cloudpickle
+import numpy as np
+
+import paretoik as pk
+from paretoik.execution.cluster import OPTIONS as CLUSTER
+from paretoik.execution.cluster import Cluster
+from paretoik.execution.shipping import pickled
+from studies.benchmarks.scaling.local_cluster import LocalCluster, local_cluster
+from studies.benchmarks.scaling.model import Overheads, fit_waiting
+from studies.benchmarks.scaling.runs import Spent, compute_here, compute_there, measuring, run_there
+from studies.benchmarks.scaling.work import motions_of, panda, search, sleep
+from studies.reporting import Row, report, study_parser, tell
+
+WORKERS = 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScalingOptions:
+    """How much is computed: ``seeds`` of so many ``generations``, a plan of so many ``starts``, ``empty`` tasks.
+
+    Waiting is fitted to two runs of tasks that ``sleep`` [s], ``fitted`` ones, and predicted for ``crowds`` of workers,
+    each with so many ``rounds`` of tasks.
+    """
+
+    seeds: int = 64
+    generations: int = 100
+    starts: int = 512
+    empty: int = 2000
+    sleep: float = 0.25
+    fitted: tuple[int, int] = (8, 48)
+    crowds: tuple[int, ...] = (8, 12, 16)
+    rounds: int = 30
+
+
+FULL = ScalingOptions()
+QUICK = ScalingOptions(seeds=4, generations=40, starts=16, empty=200, fitted=(4, 16), crowds=(8,), rounds=8)
+
+
+@contextmanager
+def started(workers: int) -> Iterator[tuple[LocalCluster, Cluster]]:
+    """Start a cluster of this machine, and yield it with the executor that sends it every item as a task."""
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        local_cluster(Path(folder), workers) as cluster,
+        closing(Cluster(cluster.address, replace(CLUSTER, portion=0.0))) as executor,
+    ):
+        executor.client.wait_for_workers(workers)
+        yield cluster, executor
+
+
+def warm_up(cluster: LocalCluster, executor: Cluster, generations: int) -> Iterator[Row]:
+    """Let every worker load the library and what is compiled; yield what that takes."""
+    with measuring(cluster) as spent:
+        executor.client.run(partial(search, 2), 0)
+    row = partial(Row, table="what a worker costs")
+    yield row(row="warm-up", column="a worker", unit="CPU s", ours=spent.workers / WORKERS, note="from the disk cache")
+    problem = panda()
+    problem.program()
+    shipped = pickled("a problem", problem)
+    yield row(row="problem", column="shipped once", unit="kB", ours=len(shipped) / 1e3, note="a Panda's path")
+    with measuring(cluster) as spent:
+        executor.client.scatter(np.random.default_rng(0).bytes(len(shipped)), broadcast=True)
+    yield row(row="problem", column="to two workers", unit="s", ours=spent.wall)
+
+
+def seeds(cluster: LocalCluster, executor: Cluster, options: ScalingOptions) -> Iterator[Row]:
+    """Yield how searches of so many seeds on the cluster compare with those of one process."""
+    items = list(range(options.seeds))
+    first, before = compute_here(search, options.generations, items[: options.seeds // 2])
+    there, spent = compute_there(executor, cluster, search, options.generations, items)
+    second, after = compute_here(search, options.generations, items[options.seeds // 2 :])
+    alone = Spent(wall=before.wall + after.wall, client=before.client + after.client)
+    same = sum(np.array_equal(one, other) for one, other in zip([*first, *second], there, strict=True))
+    size = np.mean([len(cloudpickle.dumps(each)) for each in there])
+    yield from compared(f"{options.seeds} seeds", alone, spent, options.seeds, same, options.seeds)
+    yield Row(table="what a worker costs", row="seed", column="result", unit="kB", ours=float(size) / 1e3)
+
+
+def starts(cluster: LocalCluster, executor: Cluster, options: ScalingOptions) -> Iterator[Row]:
+    """Yield how a plan from so many starts on the cluster compares with that of one process, of one thread a core."""
+    problem = panda()
+    redundancy = problem.task.redundancy
+    run = partial(pk.plan, problem, starts=options.starts // redundancy, seed=0, observe=False)
+    run()  # what is compiled is loaded
+    with measuring(None) as before:
+        alone = run()
+    executor.options = replace(CLUSTER, portion=1.0)
+    there, spent = run_there(executor, cluster, run)
+    with measuring(None) as after:
+        run()
+    mean = Spent(wall=(before.wall + after.wall) / 2, client=(before.client + after.client) / 2)
+    same = np.array_equal(motions_of(alone), motions_of(there))
+    yield from compared(f"{options.starts} starts", mean, spent, options.starts, same * options.starts, options.starts)
+
+
+def compared(name: str, alone: Spent, there: Spent, tasks: int, same: int, total: int) -> Iterator[Row]:
+    """Yield rows of what this process takes alone, what a cluster takes, and its efficiency."""
+    row = partial(Row, table="two workers against one process", row=name)
+    yield row(column="alone", unit="CPU s", ours=alone.processor, note=f"{alone.processor / tasks:.2g} s each")
+    parts = f"client {there.client:.3g}, scheduler {there.scheduler:.3g}, workers {there.workers:.3g}"
+    yield row(column="cluster", unit="CPU s", ours=there.processor, note=parts)
+    efficiency = alone.processor / there.processor
+    yield row(column="efficiency by processor", unit="", ours=efficiency, reference=0.8, source="goal, at least")
+    yield row(column="alone", unit="s", ours=alone.wall)
+    yield row(column="cluster", unit="s", ours=there.wall)
+    yield row(column="efficiency by clock", unit="", ours=alone.wall / (WORKERS * there.wall), note=load())
+    yield row(column="same, bit for bit", unit="", ours=same, reference=total, source="all")
+
+
+def overheads(cluster: LocalCluster, executor: Cluster, options: ScalingOptions) -> Overheads:
+    """Return what a task costs, measured with tasks that do nothing, and with tasks that sleep."""
+    executor.options = replace(CLUSTER, portion=0.0)
+    _, spent = compute_there(executor, cluster, sleep, None, [0.0] * options.empty)
+    walls = [compute_there(executor, cluster, sleep, None, [options.sleep] * count)[1].wall for count in options.fitted]
+    gap, startup = fit_waiting(options.fitted, walls, options.sleep, WORKERS)
+    client, scheduler, worker = (each / options.empty for each in (spent.client, spent.scheduler, spent.workers))
+    return Overheads(client=client, scheduler=scheduler, worker=worker, gap=gap, startup=startup)
+
+
+def model_rows(costs: Overheads) -> Iterator[Row]:
+    """Yield what the model says of a thousand workers."""
+    row = partial(Row, table="a task beside its own work")
+    for column in ("client", "scheduler", "worker"):
+        yield row(row="processor", column=column, unit="ms", ours=1e3 * getattr(costs, column))
+    yield row(row="waiting", column="between tasks", unit="ms", ours=1e3 * costs.gap)
+    yield row(row="waiting", column="startup", unit="ms", ours=1e3 * costs.startup)
+    row = partial(Row, table="model of a cluster")
+    for seconds in (0.5, 1.0, 2.0, 5.0, 10.0):
+        name = f"tasks of {seconds:g} s"
+        yield row(row=name, column="saturated by", unit="workers", ours=costs.saturation(seconds))
+        efficiency = costs.efficiency(100_000, seconds, 1000)
+        yield row(row=name, column="efficiency of 1,000 workers", unit="", ours=efficiency, note="100,000 tasks")
+    size = costs.task_size(1000, 0.9)
+    yield row(row="1,000 workers", column="task size", unit="s", ours=size, note="from which 0.9 of them is used")
+
+
+def predictions(costs: Overheads, options: ScalingOptions) -> Iterator[Row]:
+    """Yield what the model predicts of more workers than there are cores, and what these take."""
+    for workers in options.crowds:
+        tell(f"{workers} workers")
+        with started(workers) as (cluster, executor):
+            count = options.rounds * workers
+            compute_there(executor, cluster, sleep, None, [0.0] * workers)
+            wall = compute_there(executor, cluster, sleep, None, [options.sleep] * count)[1].wall
+        row = partial(Row, table="more workers than cores, tasks that sleep", row=f"{workers} workers")
+        predicted = costs.makespan(count, options.sleep, workers)
+        yield row(column="tasks", unit="", ours=count, note=f"{options.sleep:g} s each")
+        yield row(column="measured", unit="s", ours=wall, reference=predicted, source="predicted", note=load())
+        error = abs(predicted - wall) / wall
+        yield row(column="error of the prediction", unit="", ours=error, reference=0.2, source="goal, at most")
+
+
+def load() -> str:
+    """Return how many processes wanted a core in the last minute."""
+    return f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores"
+
+
+def rows(options: ScalingOptions) -> Sequence[Row]:
+    """Return all rows."""
+    done = list[Row]()
+    with started(WORKERS) as (cluster, executor):
+        for name, part in {
+            "warm-up": partial(warm_up, generations=options.generations),
+            "seeds": partial(seeds, options=options),
+            "starts": partial(starts, options=options),
+        }.items():
+            tell(name)
+            done += part(cluster, executor)
+        tell("overheads")
+        costs = overheads(cluster, executor, options)
+    return [*done, *model_rows(costs), *predictions(costs, options)]
+
+
+def main() -> None:
+    """Compute and report."""
+    parser = study_parser(__doc__ or "", quick="fewer seeds, starts and workers: within a minute")
+    arguments = parser.parse_args()
+    warnings.filterwarnings("ignore", "(workers|cluster): ", RuntimeWarning)
+    report(rows(QUICK if arguments.quick else FULL), json_file=arguments.json)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,34 @@
+"""What is computed to see how a cluster scales: searches by their seed, and tasks that sleep."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+import paretoik as pk
+from paretoik.arrays import Objectives
+from problems import tringali_2020
+
+
+def search(generations: int, seed: int) -> Objectives:
+    """Return the objectives of the front that a search of a planar arm comes to."""
+    problem = tringali_2020.energy_torque()
+    return pk.solve(problem, population=100, generations=generations, seed=seed, stagnation=False).objectives
+
+
+def sleep(shared: None, seconds: float) -> None:
+    """Take some time and no processor."""
+    time.sleep(seconds)
+
+
+def panda() -> pk.Tracking:
+    """Return a task of a 7-DOF arm, whose starts take some tenths of a second each."""
+    arm = pk.Arm.from_urdf("problems/robots/panda.urdf", base="panda_link0", tip="panda_hand_tcp")
+    path = pk.line([0.45, -0.25, 0.3], [0.45, 0.25, 0.3], duration=1.5, samples=51)
+    return pk.Tracking(arm, path, objectives=[pk.kinetic_energy])
+
+
+def motions_of(plan: pk.Plan) -> np.ndarray:
+    """Return the motions of all optima of a plan."""
+    return np.stack([optimum.motion.q for optimum in plan.optima])

@@ -1,0 +1,77 @@
+"""Points that workers refine, and levels of ε that they minimise ahead of their turn, are what they are without."""
+
+from __future__ import annotations
+
+from contextlib import closing
+
+import numpy as np
+import pytest
+
+from paretoik.distribution import distributing
+from paretoik.execution.worker_processes import WorkerProcesses
+from paretoik.pareto.epsilon_levels import Level, LevelSolver
+from paretoik.pareto.refine import refine
+from tests.pareto.sketches import ellipses, placed, scaled, sketched
+
+PROGRAM = scaled(sketched(2, ellipses), [2.0, 25.0])
+POINTS = placed(ellipses, np.random.default_rng(4).normal(scale=0.5, size=(9, 2)))
+
+pytestmark = pytest.mark.filterwarnings("ignore:workers. they do not pay")
+
+
+@pytest.fixture(scope="module")
+def executor():
+    with closing(WorkerProcesses(2)) as opened:
+        yield opened
+
+
+def test_workers_refine_points_to_the_same_bit_for_bit(executor):
+    alone, converged = refine(PROGRAM, POINTS, 2)
+    with distributing(executor):
+        points, also_converged = refine(PROGRAM, POINTS, 2)
+    assert np.array_equal(points, alone)
+    assert np.array_equal(also_converged, converged)
+    assert not np.array_equal(alone, POINTS)
+
+
+def test_an_observer_that_ends_refinement_leaves_the_same_points_as_they_were_whoever_refines(executor):
+    def ends_after_eight(done: int, total: int) -> bool:
+        assert total == len(POINTS)
+        return done >= 8
+
+    alone, converged = refine(PROGRAM, POINTS, 2, observe=ends_after_eight)
+    with distributing(executor):
+        points, also_converged = refine(PROGRAM, POINTS, 2, observe=ends_after_eight)
+    assert np.array_equal(points, alone)
+    assert np.array_equal(also_converged, converged)
+    assert np.array_equal(alone[8:], POINTS[8:])
+    assert not converged[8:].any()
+
+
+def levels() -> list[Level]:
+    F = POINTS @ PROGRAM.costs.T
+    return [Level(POINTS[i], i % 2, np.where(np.arange(2) == i % 2, np.inf, F[i])) for i in range(5)]
+
+
+def test_levels_that_workers_minimised_ahead_come_to_the_same_bit_for_bit(executor):
+    alone = LevelSolver(program=PROGRAM, n_obj=2, solver="auto")
+    ahead = LevelSolver(program=PROGRAM, n_obj=2, solver="auto")
+    with distributing(executor):
+        ahead.look_ahead(levels())
+    assert len(ahead.ahead) == 5
+    for level in levels():
+        one, other = alone.solve([level]), ahead.solve([level])
+        assert one.converged.all()
+        for name, values in vars(one).items():
+            assert np.array_equal(values, getattr(other, name), equal_nan=True), name
+    assert not alone.ahead
+
+
+def test_nothing_is_done_ahead_without_workers_nor_before_the_first_level_is_due(executor):
+    solver = LevelSolver(program=PROGRAM, n_obj=2, solver="auto")
+    solver.look_ahead(levels())
+    assert not solver.ahead
+    with distributing(executor):
+        solver.look_ahead(levels()[:2])
+        solver.look_ahead(levels())
+    assert len(solver.ahead) == 2

@@ -1,0 +1,106 @@
+"""Islands evolve each by itself, and what they send to one another changes where they come to."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from pymoo.problems import get_problem
+
+import paretoik as pk
+from paretoik.errors import InvalidInput
+from paretoik.search.ask_tell import Search
+from paretoik.search.endings import Generations
+from paretoik.search.evolution import evolve
+from paretoik.search.islands import IslandOptions, Islands
+
+PROBLEM = get_problem("zdt1", n_var=6)
+ISLANDS = 3
+NEVER = IslandOptions(epoch=10**6)
+
+
+def advance(search: Search | Islands) -> np.ndarray:
+    """Evaluate one generation and return its genes."""
+    asked = search.ask()
+    search.tell(asked.ids, PROBLEM.evaluate(asked.X), np.empty((len(asked.X), 0)), H=np.empty((len(asked.X), 0)))
+    return asked.X
+
+
+def alone(island: int) -> Search:
+    """The search that an island is as long as nobody arrives there."""
+    seed = int(np.random.SeedSequence([7, island]).generate_state(1)[0])
+    return Search(PROBLEM, population=8, seed=seed)
+
+
+def islands(options: IslandOptions) -> Islands:
+    return Islands(PROBLEM, ISLANDS, population=8, seed=7, options=options)
+
+
+def test_islands_without_migration_are_so_many_searches():
+    searches, apart = [alone(i) for i in range(ISLANDS)], islands(NEVER)
+    for _ in range(6):
+        assert np.array_equal(advance(apart), np.concatenate([advance(each) for each in searches]))
+    assert np.array_equal(apart.population, np.concatenate([each.population for each in searches]))
+    fronts = np.concatenate([each.archive.F for each in searches])
+    best = fronts[[not ((fronts <= one).all(axis=1) & (fronts < one).any(axis=1)).any() for one in fronts]]
+    assert {*map(tuple, apart.archive.F)} == {*map(tuple, best)}
+    assert apart.evaluations == 6 * 8 * ISLANDS
+
+
+def test_migration_changes_what_islands_come_to_from_the_first_epoch_on():
+    apart, together = islands(NEVER), islands(IslandOptions(epoch=4, share=0.25))
+    same = [np.array_equal(advance(apart), advance(together)) for _ in range(12)]
+    assert same == [True] * 4 + [False] * 8
+
+
+def test_the_best_of_an_island_arrive_at_the_next_one_in_the_order_of_their_ids():
+    together = islands(IslandOptions(epoch=4, share=0.25))
+    genes = np.stack([advance(together) for _ in range(4)]).reshape(4, ISLANDS, 8, -1)
+    fronts = [search.archive.members for search in together._searches]
+    arrived = advance(together).reshape(ISLANDS, 8, -1)[:, -2:]
+    for i in range(ISLANDS):
+        home = fronts[i - 1]
+        rows = [int(np.flatnonzero((one == home.X).all(axis=1))[0]) for one in arrived[i]]
+        assert rows == sorted(rows)
+        assert all((genes[:, i - 1] == one).all(axis=2).any() for one in arrived[i])
+
+
+def test_ids_and_causes_are_those_of_the_rows_of_all_islands():
+    def evaluate(X):
+        F = PROBLEM.evaluate(X)
+        F[X[:, 0] < 0.2] = np.nan
+        return {"F": F, "cause": ["too far left" if one < 0.2 else "" for one in X[:, 0]]}
+
+    search = islands(IslandOptions(epoch=2))
+    evolve(search, [Generations(5)], evaluate=evaluate)
+    members = search.archive.members
+    assert (members.X[:, 0] >= 0.2).all()
+    assert len({*members.ids.tolist()}) == len(members)
+    assert members.ids.max() < search.evaluations
+    assert search.failed.count > 0
+    assert search.failed.first_cause == "too far left"
+
+
+def test_nobody_leaves_while_objectives_are_searched_alone():
+    options = {"population": 8, "seed": 7, "anchors": 3}
+    apart = Islands(PROBLEM, ISLANDS, options=NEVER, **options)
+    together = Islands(PROBLEM, ISLANDS, options=IslandOptions(epoch=2), **options)
+    same = [np.array_equal(advance(apart), advance(together)) for _ in range(8)]
+    assert same == [True] * 6 + [False] * 2
+
+
+def test_one_island_is_none():
+    one, none = (
+        pk.solve(PROBLEM, population=10, generations=12, seed=3, **islands) for islands in ({"islands": 1}, {})
+    )
+    assert np.array_equal(one.objectives, none.objectives)
+    assert np.array_equal(one.ids, none.ids)
+    other = pk.solve(PROBLEM, population=10, generations=12, seed=3, islands=2)
+    assert not np.array_equal(other.objectives, none.objectives)
+    assert other.provenance["settings"]["islands"] == 2
+    assert other.provenance["counts"]["evaluations"] == 2 * none.provenance["counts"]["evaluations"]
+
+
+@pytest.mark.parametrize("islands", [0, -1, 1.5, True, "2"])
+def test_what_is_no_number_of_islands_is_refused(islands, unchecked):
+    with pytest.raises(InvalidInput, match="islands: an integer of at least 1 wanted"):
+        pk.solve(PROBLEM, islands=islands)
