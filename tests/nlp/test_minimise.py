@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import signal
 import threading
-import time
 
 import numpy as np
 import pytest
@@ -116,10 +115,9 @@ def test_a_signal_ends_the_iterations_under_way_and_what_they_came_to_is_kept(st
     minimise(program, x[:1], weights)  # compiles, which is no iteration
     timer = threading.Timer(0.2, stop.__setitem__, (0, int(signal.SIGINT)))
     timer.start()
-    begin = time.monotonic()
     with pytest.raises(Interrupted) as interrupted:
         minimise(program, x, weights)
-    assert time.monotonic() - begin < 1.2
     solutions = interrupted.value.partial
     assert set(solutions.status) == {CONVERGED, INTERRUPTED}
+    assert (solutions.status == INTERRUPTED).mean() > 0.5  # of what takes many times as long as the signal
     assert (solutions.iterations[solutions.status == INTERRUPTED] < 150).all()
