@@ -9,7 +9,7 @@ from dataclasses import asdict, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from paretoik.api.run_text import status_text
+from paretoik.api.run_text import resume_command, status_text
 from paretoik.formulations.protocol import is_loop
 from paretoik.front.certificate_text import certificate_text
 from paretoik.front.choices import preference_data
@@ -26,6 +26,8 @@ LINE = 100  # characters a line of running text
 def result_text(front: Front, out: Path) -> str:
     """Return a summary of a front, or of a closed loop's motion, and the commands that choose from it and replay it."""
     lines = _loop_lines(front) if is_loop(front) else _front_lines(front)
+    if (command := resume_command(out, front.provenance["status"])) is not None:
+        lines.append(f"go on:   {command}")
     weights = ",".join(f"{name}={1 / len(front.names):.2g}" for name in front.names)
     lines.append(f"choose:  {shlex.join(['paretoik', 'select', str(out), '--weights', weights])}")
     lines.append(f"replay:  {shlex.join(['paretoik', 'show', str(out)])}")

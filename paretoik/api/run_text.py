@@ -7,9 +7,11 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from paretoik.api.run_problem import check_own
+from paretoik.errors import InvalidInput
 from paretoik.formulations.protocol import is_loop
 from paretoik.review.run_words import ending_words
-from paretoik.run_files import DRAWING
+from paretoik.run_files import DRAWING, RUN, STOPPED, can_resume, read_run
 from paretoik.tables import columns
 
 if TYPE_CHECKING:
@@ -54,8 +56,22 @@ def plan_text(plan: Plan, name: str, unit: str, out: Path) -> str:
     lines.append(columns(rows))
     if (out / DRAWING).exists():  # not after a signal
         lines.append(f"pictured in {out / DRAWING}")
+    if (command := resume_command(out, status)) is not None:
+        lines.append(f"go on:   {command}")
     lines.append(f"export:  {shlex.join(['paretoik', 'export', str(out), '--point', '0'])}")
     return "\n".join(lines)
+
+
+def resume_command(folder: Path, status: object = "interrupted") -> str | None:
+    """Return the command by which a run goes on that has a ``status``; None where it was not stopped, or cannot."""
+    if status not in STOPPED or not can_resume(folder):
+        return None
+    words, reference = ["paretoik", "resume", str(folder)], read_run(folder / RUN).get("problem")
+    try:
+        check_own(folder, reference)
+    except InvalidInput:  # a problem that is loaded where it is named alone
+        words += [] if reference is None else ["--problem", str(reference)]
+    return shlex.join(words)
 
 
 def optima_entries(plan: Plan) -> list[dict[str, Any]]:

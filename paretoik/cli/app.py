@@ -14,7 +14,7 @@ from typer.core import TyperGroup
 
 from paretoik.cli.check_robot import check_robot
 from paretoik.cli.compare import compare
-from paretoik.cli.console import NO_RESULT, print_message, print_what_is_printable
+from paretoik.cli.console import NO_RESULT, print_error, print_message, print_what_is_printable
 from paretoik.cli.export import export
 from paretoik.cli.front import front
 from paretoik.cli.list_problems import list_problems
@@ -50,7 +50,7 @@ class Commands(TyperGroup):
         except (KeyboardInterrupt, SystemExit) as end:
             if isinstance(end, SystemExit) and end.code != 128 + SIGTERM:
                 raise
-            print_message("error:", "bold red", "interrupted before there was a whole result")
+            print_error("interrupted before there was a whole result", end)
             sys.exit(NO_RESULT)
 
     @contextmanager
@@ -97,9 +97,7 @@ def main() -> None:
         try:
             app()
         except ParetoikError as error:
-            print_message("error:", "bold red", str(error))
-            for note in getattr(error, "__notes__", ()):
-                print_message("note:", "yellow", note)
+            print_error(str(error), error)
             sys.exit(error.exit_code)
 
 

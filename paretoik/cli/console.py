@@ -17,6 +17,8 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
+from paretoik.errors import SolverFailed
+
 if TYPE_CHECKING:
     from paretoik.front.front import Front
 
@@ -73,6 +75,24 @@ def _plain_letters(error: UnicodeError) -> tuple[str, int]:
     return plain.decode(), error.end
 
 
+@contextmanager
+def says_how_to_go_on(out: Path | None, time_limit: float | None = None) -> Iterator[None]:
+    """Let what ends the body before there is a result say, in a note, which command goes on from there.
+
+    That is a signal, or a time limit in which nothing was found.
+    """
+    try:
+        yield
+    except (KeyboardInterrupt, SystemExit, SolverFailed) as end:
+        from paretoik.api.run_text import resume_command
+
+        limited = not isinstance(end, SolverFailed) or time_limit is not None
+        command = resume_command(out) if out is not None and limited else None
+        if command is not None:
+            end.add_note(f"{command} goes on with it")
+        raise
+
+
 def print_json(value: object) -> None:
     """Print a result as strict JSON."""
     from paretoik.run_files import to_json
@@ -83,10 +103,12 @@ def print_json(value: object) -> None:
 def finish_front(front: Front, out: Path, *, as_json: bool) -> NoReturn:
     """Print the front of a run that ended, as text or JSON, and exit with the code of what ended it."""
     from paretoik.api.result_text import entries, result_text
+    from paretoik.api.run_text import resume_command
 
     if as_json:
         gaps = {"jumps": front.jumps, "missing_hypervolume": front.missing_hypervolume}
-        print_json({**front.provenance, **gaps, "out": out, "front": entries(front)})
+        resume = resume_command(out, front.provenance["status"])
+        print_json({**front.provenance, **gaps, "out": out, "resume": resume, "front": entries(front)})
     else:
         print(result_text(front, out))
     raise typer.Exit(exit_code(front.provenance["status"]))
@@ -95,3 +117,10 @@ def finish_front(front: Front, out: Path, *, as_json: bool) -> NoReturn:
 def print_message(kind: str, style: str, text: str) -> None:
     """Print a message on stderr, as one line that starts with its kind."""
     Console(stderr=True).print(Text.assemble((kind, style), " ", " ".join(text.split())), soft_wrap=True)
+
+
+def print_error(text: str, error: BaseException) -> None:
+    """Print what an error is on stderr, and its notes, a line each."""
+    print_message("error:", "bold red", text)
+    for note in getattr(error, "__notes__", ()):
+        print_message("note:", "yellow", note)

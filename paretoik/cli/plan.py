@@ -8,8 +8,8 @@ from typing import NoReturn
 import typer
 
 from paretoik.api.progress_display import open_observer
-from paretoik.api.run_text import optima_entries, plan_text
-from paretoik.cli.console import JsonFlag, QuietFlag, exit_code, print_json, stdout_for_results
+from paretoik.api.run_text import optima_entries, plan_text, resume_command
+from paretoik.cli.console import JsonFlag, QuietFlag, exit_code, print_json, says_how_to_go_on, stdout_for_results
 from paretoik.cli.options import (
     ClusterAddress,
     OutFolder,
@@ -41,7 +41,11 @@ def plan(
 
     Ctrl-C ends it early and keeps the result.
     """
-    with stdout_for_results(), open_observer(not quiet, time_limit=time_limit) as observe:
+    with (
+        stdout_for_results(),
+        says_how_to_go_on(out, time_limit),
+        open_observer(not quiet, time_limit=time_limit) as observe,
+    ):
         from paretoik.api.plan import plan as find_plan
         from paretoik.loading import load_problem
 
@@ -65,7 +69,8 @@ def plan(
 def finish_plan(plan: Plan, name: str, unit: str, out: Path, *, as_json: bool) -> NoReturn:
     """Print the plan of an objective that ended, as text or JSON, and exit with the code of what ended it."""
     if as_json:
-        print_json({**plan.provenance, "out": out, "optima": optima_entries(plan)})
+        resume = resume_command(out, plan.provenance["status"])
+        print_json({**plan.provenance, "out": out, "resume": resume, "optima": optima_entries(plan)})
     else:
         print(plan_text(plan, name, unit, out))
     raise typer.Exit(exit_code(plan.provenance["status"]))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from paretoik.api.progress_display import open_observer
-from paretoik.cli.console import JsonFlag, QuietFlag, RunFolder, finish_front, stdout_for_results
+from paretoik.cli.console import JsonFlag, QuietFlag, RunFolder, finish_front, says_how_to_go_on, stdout_for_results
 from paretoik.cli.options import ClusterAddress, OutFolder, Overwrite, RunProblem, SolverOption, TimeLimit, Workers
 from paretoik.errors import InvalidInput
 from paretoik.front.front import Front
@@ -27,7 +27,11 @@ def refine(
 
     No point becomes worse in any objective. Ctrl-C ends it early and keeps the result.
     """
-    with stdout_for_results(), open_observer(not quiet, time_limit=time_limit) as observe:
+    with (
+        stdout_for_results(),
+        says_how_to_go_on(out, time_limit),
+        open_observer(not quiet, time_limit=time_limit) as observe,
+    ):
         from paretoik.api.refine import refine as refine_front
 
         result = refine_front(

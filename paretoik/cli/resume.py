@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from paretoik.api.progress_display import open_observer
-from paretoik.cli.console import JsonFlag, QuietFlag, RunFolder, finish_front, stdout_for_results
+from paretoik.cli.console import JsonFlag, QuietFlag, RunFolder, finish_front, says_how_to_go_on, stdout_for_results
 from paretoik.cli.options import ClusterAddress, RunProblem, TimeLimit, Workers
 from paretoik.cli.plan import finish_plan
 from paretoik.front.front import Front
@@ -30,7 +30,11 @@ def resume(
 
     What it comes to is what it would have come to had it never stopped.
     """
-    with stdout_for_results(), open_observer(not quiet, time_limit=time_limit) as observe:
+    with (
+        stdout_for_results(),
+        says_how_to_go_on(run, time_limit),
+        open_observer(not quiet, time_limit=time_limit) as observe,
+    ):
         from paretoik.api.resume import resume as resume_run
 
         result = resume_run(

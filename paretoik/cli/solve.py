@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from paretoik.api.progress_display import open_observer
-from paretoik.cli.console import JsonFlag, QuietFlag, finish_front, stdout_for_results
+from paretoik.cli.console import JsonFlag, QuietFlag, finish_front, says_how_to_go_on, stdout_for_results
 from paretoik.cli.options import ClusterAddress, OutFolder, Overwrite, Problem, SolverName, TimeLimit, Workers
 
 
@@ -52,7 +52,11 @@ def solve(
 
     Ctrl-C ends it early and keeps the result.
     """
-    with stdout_for_results(), open_observer(not quiet, time_limit=time_limit) as observe:
+    with (
+        stdout_for_results(),
+        says_how_to_go_on(out, time_limit),
+        open_observer(not quiet, time_limit=time_limit) as observe,
+    ):
         from paretoik.api.solve import solve as solve_problem
         from paretoik.loading import load_problem
 

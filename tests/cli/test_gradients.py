@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import signal
 from importlib import import_module
 
 import numpy as np
 import pytest
 
+import paretoik as pk
 from tests.api.test_interruption import interrupt_restarts
 from tests.cli.commands import strict
 
@@ -69,7 +71,7 @@ def test_what_is_interrupted_before_there_is_anything_is_a_line_and_a_code_of_it
     paretoik, tmp_path, monkeypatch, number
 ):
     module = import_module("paretoik.formulations.tracking")
-    file, out = tmp_path / f"plan_ended_by_{number.name}.py", tmp_path / "p"
+    file, out = tmp_path / f"plan_ended_by_{number.name}.py", tmp_path / "it's here"
     file.write_text(ONE)
     find_optima = module.find_optima
 
@@ -79,7 +81,14 @@ def test_what_is_interrupted_before_there_is_anything_is_a_line_and_a_code_of_it
 
     monkeypatch.setattr(module, "find_optima", interrupted)
     ended = paretoik("plan", f"{file}:one", "--out", out, "--quiet", "--json")
-    assert (ended.code, ended.out, ended.err) == (6, "", "error: interrupted before there was a whole result\n")
+    assert (ended.code, ended.out) == (6, "")
+    first, second = ended.err.splitlines()
+    assert first == "error: interrupted before there was a whole result"
+    monkeypatch.setattr(module, "find_optima", find_optima)
+    command = re.fullmatch(r"note: (paretoik resume .*) goes on with it", second)
+    assert command is not None
+    assert paretoik(*shlex.split(command[1])[1:], "--quiet").code == 0
+    assert len(pk.load_plan(out, f"{file}:one").optima)
 
 
 def test_wrong_combinations_are_one_line_and_2(paretoik, mine, finished, tmp_path):
