@@ -10,7 +10,7 @@ import time
 import uuid
 import warnings
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from queue import Empty, SimpleQueue
@@ -29,13 +29,15 @@ from paretoik.user_functions import cause_of
 class ClusterOptions:
     """How tasks are made, and how long a silence is waited for [s].
 
-    A task has items for so many seconds (``portion``), but no more than an even share of those that are left,
-    ``shares`` of them a thread; ``ahead`` tasks a thread are with the scheduler. A signal is looked for every
+    A task has items for so many seconds (``portion``), and so many more for every thread (``overhead``), as each task
+    passes through one scheduler and one client, but no more than an even share of those that are left, ``shares`` of
+    them a thread; ``ahead`` tasks a thread are with the scheduler. A signal is looked for every
     ``interval``, the workers every ``watch``. The scheduler has ``connection`` to answer, ``patience`` to come back,
     and to have a worker; a worker that was not heard of for ``frozen`` is left out.
     """
 
     portion: float = 0.5
+    overhead: float = 0.002
     shares: int = 2
     ahead: int = 2
     interval: float = 0.1
@@ -129,12 +131,15 @@ class _Round:
         self.answered, self.computed = 0, 0.0
 
     def replies(self) -> Iterator[tuple[int, Reply]]:
+        self.watch.count_threads()
         while self.answered < len(self.items):
             if STOP[0]:
                 raise Interrupted  # futures that nobody holds are given up by the scheduler
             self._submit()
-            with suppress(Empty):
-                yield from self._received(self.ended.get(timeout=self.options.interval))
+            ended = self._wait()
+            results = self._gather(ended)
+            for future in ended:
+                yield from self._received(future, results)
             self.watch.look()
 
     def _submit(self) -> None:
@@ -142,7 +147,8 @@ class _Round:
         if self.cluster.client.status != "running":  # the scheduler is waited for
             return
         while self.pending and len(self.running) < self.options.ahead * self.cluster.workers:
-            portion = int(self.options.portion * self.answered / self.computed) if self.computed else 1
+            seconds = self.options.portion + self.options.overhead * self.cluster.workers
+            portion = int(seconds * self.answered / self.computed) if self.computed else 1
             share = len(self.pending) // (self.options.shares * self.cluster.workers)
             self._send([self.pending.popleft() for _ in range(max(1, min(portion, share)))])
         if self.suspects and not self.running:
@@ -158,10 +164,28 @@ class _Round:
         self.running[future] = places
         future.add_done_callback(self.ended.put)
 
-    def _received(self, future: Any) -> Iterator[tuple[int, Reply]]:
+    def _wait(self) -> list[Any]:
+        """Return the tasks that have ended, none where none does for a while."""
+        ended = list[Any]()
+        with suppress(Empty):
+            ended.append(self.ended.get(timeout=self.options.interval))
+            while True:
+                ended.append(self.ended.get_nowait())
+        return ended
+
+    def _gather(self, futures: Sequence[Any]) -> dict[Any, Any]:
+        """Return the results of tasks, fetched together: one by one each takes a round trip. None where one fails."""
+        finished = [future for future in futures if future.status == "finished"]
+        client, patience = self.cluster.client, 5 * self.options.interval
+        with suppress(Exception):  # each is looked at by itself then
+            results = client.sync(client._gather, finished, callback_timeout=patience) if len(finished) > 1 else []
+            return dict(zip(finished, results, strict=False))
+        return {}
+
+    def _received(self, future: Any, results: Mapping[Any, Any]) -> Iterator[tuple[int, Reply]]:
         """Yield what a task that ended has brought; let others do what it had where it brought nothing."""
         try:
-            result = future.result(timeout=5 * self.options.interval)
+            result = results[future] if future in results else future.result(timeout=5 * self.options.interval)
         except Exception as error:
             yield from self._failed(future, error)
             return
@@ -203,6 +227,12 @@ class _Watch:
         self.cluster, self.options = cluster, cluster.options
         self.looked = time.monotonic()
         self.missing: float | None = None  # since when
+
+    def count_threads(self) -> None:
+        """Know at once how many workers there are by now, if there are any."""
+        seen = self._workers()
+        if seen:
+            self.cluster.threads = sum(threads for threads, _ in seen.values())
 
     def look(self) -> None:
         """Look, if the last time was some time ago; raises SolverFailed where nobody comes back."""

@@ -24,6 +24,7 @@ def processor() -> tuple[str, ...]:
     return (platform.machine(), *sorted({*extensions.get("baseline", ()), *extensions.get("found", ())}))
 
 
+@cache  # it takes some milliseconds, and comes with every task
 def software() -> Mapping[str, str]:
     """Return the versions that a worker has to have, by name: what is sent to it is read by the same Python alone."""
     return {"Python": ".".join(platform.python_version_tuple()[:2]), **versions()}

@@ -30,7 +30,7 @@ from paretoik.execution.shipping import pickled
 from studies.benchmarks.scaling.local_cluster import LocalCluster, local_cluster
 from studies.benchmarks.scaling.model import Overheads, fit_waiting
 from studies.benchmarks.scaling.runs import Spent, compute_here, compute_there, measuring, run_there
-from studies.benchmarks.scaling.work import motions_of, panda, search, sleep
+from studies.benchmarks.scaling.work import load, motions_of, panda, search, sleep
 from studies.reporting import Row, report, study_parser, tell
 
 WORKERS = 2
@@ -64,7 +64,7 @@ def started(workers: int) -> Iterator[tuple[LocalCluster, Cluster]]:
     with (
         tempfile.TemporaryDirectory() as folder,
         local_cluster(Path(folder), workers) as cluster,
-        closing(Cluster(cluster.address, replace(CLUSTER, portion=0.0))) as executor,
+        closing(Cluster(cluster.address, replace(CLUSTER, portion=0.0, overhead=0.0))) as executor,
     ):
         executor.client.wait_for_workers(workers)
         yield cluster, executor
@@ -73,9 +73,15 @@ def started(workers: int) -> Iterator[tuple[LocalCluster, Cluster]]:
 def warm_up(cluster: LocalCluster, executor: Cluster, generations: int) -> Iterator[Row]:
     """Let every worker load the library and what is compiled; yield what that takes."""
     with measuring(cluster) as spent:
-        executor.client.run(partial(search, 2), 0)
+        executor.client.run(search, generations, 0)
     row = partial(Row, table="what a worker costs")
-    yield row(row="warm-up", column="a worker", unit="CPU s", ours=spent.workers / WORKERS, note="from the disk cache")
+    yield row(
+        row="warm-up",
+        column="a worker",
+        unit="CPU s",
+        ours=spent.workers / WORKERS,
+        note="library and compiled code from the disk, and a search",
+    )
     problem = panda()
     problem.program()
     shipped = pickled("a problem", problem)
@@ -106,7 +112,7 @@ def starts(cluster: LocalCluster, executor: Cluster, options: ScalingOptions) ->
     run()  # what is compiled is loaded
     with measuring(None) as before:
         alone = run()
-    executor.options = replace(CLUSTER, portion=1.0)
+    executor.options = replace(CLUSTER, portion=1.0, overhead=0.0)
     there, spent = run_there(executor, cluster, run)
     with measuring(None) as after:
         run()
@@ -125,13 +131,13 @@ def compared(name: str, alone: Spent, there: Spent, tasks: int, same: int, total
     yield row(column="efficiency by processor", unit="", ours=efficiency, reference=0.8, source="goal, at least")
     yield row(column="alone", unit="s", ours=alone.wall)
     yield row(column="cluster", unit="s", ours=there.wall)
-    yield row(column="efficiency by clock", unit="", ours=alone.wall / (WORKERS * there.wall), note=load())
+    yield row(column="efficiency by clock", unit="", ours=alone.wall / (WORKERS * there.wall), note=busy())
     yield row(column="same, bit for bit", unit="", ours=same, reference=total, source="all")
 
 
 def overheads(cluster: LocalCluster, executor: Cluster, options: ScalingOptions) -> Overheads:
     """Return what a task costs, measured with tasks that do nothing, and with tasks that sleep."""
-    executor.options = replace(CLUSTER, portion=0.0)
+    executor.options = replace(CLUSTER, portion=0.0, overhead=0.0)
     _, spent = compute_there(executor, cluster, sleep, None, [0.0] * options.empty)
     walls = [compute_there(executor, cluster, sleep, None, [options.sleep] * count)[1].wall for count in options.fitted]
     gap, startup = fit_waiting(options.fitted, walls, options.sleep, WORKERS)
@@ -162,17 +168,18 @@ def predictions(costs: Overheads, options: ScalingOptions) -> Iterator[Row]:
         tell(f"{workers} workers")
         with started(workers) as (cluster, executor):
             count = options.rounds * workers
+            executor.client.run(load)
             compute_there(executor, cluster, sleep, None, [0.0] * workers)
             wall = compute_there(executor, cluster, sleep, None, [options.sleep] * count)[1].wall
         row = partial(Row, table="more workers than cores, tasks that sleep", row=f"{workers} workers")
         predicted = costs.makespan(count, options.sleep, workers)
         yield row(column="tasks", unit="", ours=count, note=f"{options.sleep:g} s each")
-        yield row(column="measured", unit="s", ours=wall, reference=predicted, source="predicted", note=load())
+        yield row(column="measured", unit="s", ours=wall, reference=predicted, source="predicted", note=busy())
         error = abs(predicted - wall) / wall
         yield row(column="error of the prediction", unit="", ours=error, reference=0.2, source="goal, at most")
 
 
-def load() -> str:
+def busy() -> str:
     """Return how many processes wanted a core in the last minute."""
     return f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores"
 

@@ -17,6 +17,11 @@ def search(generations: int, seed: int) -> Objectives:
     return pk.solve(problem, population=100, generations=generations, seed=seed, stagnation=False).objectives
 
 
+def load() -> None:
+    """Load what a worker needs for any task."""
+    import paretoik.execution.cluster_task  # noqa: F401
+
+
 def sleep(shared: None, seconds: float) -> None:
     """Take some time and no processor."""
     time.sleep(seconds)
