@@ -205,7 +205,7 @@ def test_a_step_that_is_done_ends_on_the_path_and_one_that_newtons_method_misses
     arm = pk.Arm.from_urdf("problems/robots/panda.urdf", base="panda_link0", tip="panda_hand_tcp")
     start = np.array([2.2, -1.2, -2.8, -2.8, 0.14, 2.2, 1.9])
     path = line(kinematics.forward_kinematics(arm, start)[1], [-0.11, -0.30, 0.53], duration=3.0, samples=samples)
-    limits = Limits(position=np.full(7, 50.0), velocity=np.inf)
+    limits = Limits(position=np.full(7, 12.0), velocity=np.inf)
     motion = pk.resolve(arm, path, QP, start=start, limits=limits, unreachable="track")
     ended = motion.tracking_error[1:] < 2e-12
     assert (ended == (motion.traces.status == "done")).all()
