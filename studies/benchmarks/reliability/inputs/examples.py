@@ -64,7 +64,10 @@ class Examples:
 
     def arguments(self, surface: Surface, bad: Argument) -> dict[str, object]:
         """Return good arguments by name: those that a call needs, and those that keep it short, but for the bad one."""
-        needed = [each.name for each in surface.arguments if each.is_required and each.name != bad.name]
+        wanted = [
+            each.name for each in surface.arguments if each.is_required or each.name == "choice"
+        ]  # no run has one
+        needed = [name for name in wanted if name != bad.name]
         quick = {name: value for name, value in QUICK.get(surface.name, {}).items() if name != bad.name}
         fronts: dict[str, object] = {"fronts": (self.front, self.front)} if surface.name == "compare" else {}
         fronts.pop(bad.name, None)
