@@ -40,6 +40,7 @@ from paretoik.task.motion_task import MotionTask
 from paretoik.task.motion_task_validation import motion_task
 from paretoik.task.objectives import Objective
 from paretoik.task.obstacles import Obstacle
+from paretoik.task.obstructed_path import warn_of_obstructed_path
 from paretoik.task.path import Path
 from paretoik.task.task import Task
 from paretoik.trajectory.level_progress import ObserveLevel
@@ -138,6 +139,7 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
             cyclic=cyclic,
             differences=differences,
         )
+        warn_of_obstructed_path(self.task)
         self.names = tuple(each.name for each in self.task.objectives)
         self.units = tuple(each.unit for each in self.task.objectives)
         self.maximised = tuple(each.maximise for each in self.task.objectives)

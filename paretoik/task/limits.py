@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -15,6 +16,7 @@ from paretoik.inputs import (
     check_magnitude,
     check_size,
     check_text,
+    degrees_hint,
     finite_number,
     likely_spelling,
     listed,
@@ -50,7 +52,8 @@ class Limits:
     not named keeping the arm's own. None is the arm's own limit if it declares one, np.inf none. ``clearance`` [m] is
     the smallest distance to obstacles, where the problem has any. ``margin``, at least 0 and less than 0.5, moves every
     joint limit inwards by that fraction of its range: limits hold at the samples, and between them a motion may go a
-    little further. Raises InvalidInput, by name, for what is a limit of no arm.
+    little further. Raises InvalidInput, by name, for what is a limit of no arm. Limits of more than two turns on a
+    joint that rotates are a warning, as they are probably degrees, and no error: a joint without stops may be meant.
 
     >>> Limits(position=np.deg2rad([90, 120, 120]), velocity=3.8).velocity
     3.8
@@ -83,6 +86,7 @@ class Limits:
         check_size("samples", samples, 1)
         declared = {"position": arm.position_limits, "velocity": arm.velocity_limits, "torque": arm.torque_limits}
         every = {kind: _bounds(kind, getattr(self, kind), declared.get(kind), arm, samples) for kind in LIMITED}
+        _warn_of_degrees(self.position, every["position"], declared["position"], arm)
         inwards = self.margin * np.array([1.0, -1.0])
         return {
             kind: bounds + inwards * limit_ranges(bounds[..., 0], bounds[..., 1])[..., None] if self.margin else bounds
@@ -254,6 +258,18 @@ def _bounds(kind: str, limit: object, declared: np.ndarray | None, arm: Arm, sam
             f"{high[sample, joint]}"
         )
     return np.stack([low, high], axis=-1)
+
+
+def _warn_of_degrees(limit: object, bounds: Bounds, declared: np.ndarray, arm: Arm) -> None:
+    """Warn of position limits (time, dof, 2) that are no angles of a robot; those that the arm declares are its own."""
+    if limit is None:
+        return
+    beyond = [
+        degrees_hint(bounds[:, j][bounds[:, j] != declared[j]]) if arm.periodic[j] else "" for j in range(arm.dof)
+    ]
+    joint, hint = next(((name, hint) for name, hint in zip(arm.joint_names, beyond, strict=True) if hint), ("", ""))
+    if hint:
+        warnings.warn(f"position limit of {joint}: {hint}, and np.inf is no limit", RuntimeWarning, stacklevel=3)
 
 
 def _side(kind: str, values: object, arm: Arm, samples: int) -> np.ndarray:

@@ -5,6 +5,8 @@
 # limit, `pk.Limits(clearance=)`, and can be an objective too: the front then says what each millimetre costs.
 
 # %%
+import warnings
+
 import numpy as np
 
 import paretoik as pk
@@ -44,10 +46,15 @@ tilted = pk.obstacles.Box(pk.Pose.from_rpy([0.4, 0.3, 0.2], [0.0, 0.3, 0.0]), [0
 print(table, tilted, pk.obstacles.Sphere([0.4, 0.3, 0.4], 0.1), sep="\n")
 
 # %% [markdown]
-# Where no way is left, the error says which link meets which obstacle, and when.
+# An obstacle on the path itself is said at once. Where no way is left, the error says which link meets which obstacle,
+# and when.
 
 # %%
-blocked = pk.Tracking(arm, path, objectives=[pk.kinetic_energy], obstacles=[pk.obstacles.Circle([0.283, 0.0763], 0.03)])
+on_the_path = pk.obstacles.Circle([0.283, 0.0763], 0.03)
+with warnings.catch_warnings(record=True) as said:
+    warnings.simplefilter("always")
+    blocked = pk.Tracking(arm, path, objectives=[pk.kinetic_energy], obstacles=[on_the_path])
+print(said[0].message)
 try:
     pk.plan(blocked)
 except pk.Infeasible as error:

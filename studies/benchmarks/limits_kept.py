@@ -56,7 +56,7 @@ def start_postures(task: MotionTask, count: int) -> np.ndarray:
 
 def solve_case(task: MotionTask, start: np.ndarray, shares: tuple[float, float, float]) -> Case:
     """Return the motions of both from a start."""
-    path, method, free = task.tasks[0].path, pk.methods.ConstrainedQP(), pk.Limits(position=100.0, velocity=np.inf)
+    path, method, free = task.tasks[0].path, pk.methods.ConstrainedQP(), pk.Limits(position=12.0, velocity=np.inf)
     unlimited = pk.resolve(task.arm, path, method, start=start, limits=free, unreachable="track")
     speeds, accelerations = (np.abs(each).max(axis=0) for each in (unlimited.dq, unlimited.ddq))
     share = np.where(speeds == speeds.max(), shares[0], shares[1])

@@ -14,7 +14,7 @@ from paretoik.task.motion_task_validation import motion_task
 from tests.resolution.test_resolve import ARMS, CRITERIA, FEEDBACK, START, begun, every_arm
 
 DOWN = line([0.468, 0.0], [0.368, 0.0], duration=1.0, samples=101)
-FREE = Limits(position=100.0, velocity=np.inf)
+FREE = Limits(position=12.0, velocity=np.inf)
 QP = pk.methods.ConstrainedQP()
 
 
@@ -84,7 +84,7 @@ def test_every_limit_is_kept_at_every_step_of_random_arms(seed):
 
 @pytest.mark.parametrize("acceleration", [np.inf, 60.0])
 def test_links_stay_clear_of_obstacles(acceleration):
-    limits = Limits(position=100.0, velocity=np.inf, acceleration=acceleration, clearance=0.01)
+    limits = Limits(position=12.0, velocity=np.inf, acceleration=acceleration, clearance=0.01)
     beside = {"obstacles": [pk.obstacles.Circle([0.38, 0.14], 0.05)], "link_radius": 0.01}
     assert down(limits, pk.methods.PseudoInverse(), **beside).clearance.min() < -1e-3
     motion = down(limits, unreachable="track", **beside)
@@ -103,7 +103,7 @@ def test_spatial_arms_stay_clear_too():
     links = pk.resolve(arm, path, QP, start=start, limits=FREE).links
     elbow, way = links[0, 4], links[-1, 4] - links[0, 4]
     ahead = elbow + (np.linalg.norm(way) * 0.5 + 0.03) * way / np.linalg.norm(way)
-    limits = Limits(position=100.0, velocity=np.inf, clearance=0.0)
+    limits = Limits(position=12.0, velocity=np.inf, clearance=0.0)
     obstacles = [pk.obstacles.Sphere(ahead, 0.03)]
     blocked = pk.resolve(arm, path, pk.methods.PseudoInverse(), start=start, limits=limits, obstacles=obstacles)
     motion = pk.resolve(arm, path, QP, start=start, limits=limits, obstacles=obstacles)
@@ -116,7 +116,7 @@ def test_limits_that_leave_no_way_on_are_named():
     with pytest.raises(
         Infeasible, match=r"limits leave no velocities .*: upper velocity of joint1 and .* sample \d+ \("
     ) as failure:
-        down(Limits(position=100.0, velocity=[0.01, 0.01, 0.01]))
+        down(Limits(position=12.0, velocity=[0.01, 0.01, 0.01]))
     assert failure.value.motion is not None
     wall = pk.obstacles.Box([0.45, 0.0], [0.03, 0.2])
     with pytest.raises(Infeasible, match=r"clearance between link \d and obstacle 1, a box at sample"):
@@ -141,7 +141,7 @@ def test_a_joint_past_its_limit_is_refused_or_returns():
 
 def test_a_start_in_an_obstacle_is_refused():
     with pytest.raises(InvalidInput, match=r"start: ConstrainedQP wants links 0.01 m clear of obstacles, got -0.0"):
-        down(Limits(position=100.0, clearance=0.01), obstacles=[pk.obstacles.Circle([0.2, 0.05], 0.05)])
+        down(Limits(position=12.0, clearance=0.01), obstacles=[pk.obstacles.Circle([0.2, 0.05], 0.05)])
 
 
 @pytest.mark.parametrize("limit", ["torque", "power"])
@@ -185,7 +185,7 @@ def test_a_batch_is_resolved_as_its_motions_are():
 
 
 def test_limits_are_kept_beside_a_singularity_that_nothing_damps():
-    path, limits = line([0.4895, 0.0], [0.40, 0.05], duration=1.0, samples=41), Limits(position=100.0, velocity=2.0)
+    path, limits = line([0.4895, 0.0], [0.40, 0.05], duration=1.0, samples=41), Limits(position=12.0, velocity=2.0)
     method = pk.methods.ConstrainedQP(damping=0.0)
     motion = pk.resolve(tringali_3r(), path, method, start=[0.0, 1e-9, 0.0], limits=limits, unreachable="track")
     assert np.abs(motion.traces.velocities).max() <= 2.0 + 1e-8
@@ -194,7 +194,7 @@ def test_limits_are_kept_beside_a_singularity_that_nothing_damps():
 
 def test_limits_may_vary_along_the_path():
     upper = np.linspace(2.5, 0.2, 101)[:, None] * np.ones(3)
-    limits = Limits(position=100.0, velocity=(-upper, upper), acceleration=60.0)
+    limits = Limits(position=12.0, velocity=(-upper, upper), acceleration=60.0)
     motion = down(limits, unreachable="track")
     assert max(worst_violations(motion, limits).values()) < 1e-8
     assert "lower velocity" in motion.traces.active
@@ -205,7 +205,7 @@ def test_a_step_that_is_done_ends_on_the_path_and_one_that_newtons_method_misses
     arm = pk.Arm.from_urdf("problems/robots/panda.urdf", base="panda_link0", tip="panda_hand_tcp")
     start = np.array([2.2, -1.2, -2.8, -2.8, 0.14, 2.2, 1.9])
     path = line(kinematics.forward_kinematics(arm, start)[1], [-0.11, -0.30, 0.53], duration=3.0, samples=samples)
-    limits = Limits(position=np.full(7, 50.0), velocity=np.inf)
+    limits = Limits(position=np.full(7, 12.0), velocity=np.inf)
     motion = pk.resolve(arm, path, QP, start=start, limits=limits, unreachable="track")
     ended = motion.tracking_error[1:] < 2e-12
     assert (ended == (motion.traces.status == "done")).all()

@@ -153,7 +153,7 @@ def test_what_was_compared_was_damped_clamped_and_weighed():
 
 @every_arm
 def test_without_damping_criteria_or_limits_near_weighted_projection_is_the_pseudoinverse(name):
-    free = Limits(position=100.0)
+    free = Limits(position=12.0)
     one = followed(name, pk.methods.WeightedGradientProjection(region=0.0), limits=free)
     other = followed(name, pk.methods.PseudoInverse(), limits=free)
     np.testing.assert_allclose(one.q, other.q, rtol=0, atol=1e-12)

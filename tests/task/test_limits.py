@@ -191,3 +191,23 @@ def test_a_margin_moves_every_joint_limit_inwards_by_a_share_of_its_range():
 def test_a_margin_that_leaves_nothing_is_refused(margin):
     with pytest.raises(pk.InvalidInput, match="margin"):
         pk.Limits(velocity=1.0, margin=margin).bounds(pk.arms.tringali_3r(), 5)
+
+
+@pytest.mark.parametrize("position", [[90, 120, 120], (-120, 90), {"joint2": 120}, 1000.0])
+def test_position_limits_in_degrees_are_a_warning_that_says_what_makes_radians(position):
+    with pytest.warns(
+        RuntimeWarning, match=r"position limit of joint\d: .* turns; of degrees, np.deg2rad makes radians"
+    ):
+        pk.Limits(position=position).bounds(pk.arms.tringali_3r(), 11)
+
+
+def test_limits_of_two_turns_of_a_slider_and_of_the_arm_itself_are_no_degrees():
+    arm = pk.arms.tringali_3r()
+    for position in (4 * np.pi, np.inf, (-np.inf, 12.0), None):
+        pk.Limits(position=position).bounds(arm, 11)
+    gantry = pk.Arm.from_dh(
+        a=[0, 1], alpha=[0, 0], d=[0, 0], theta=[0, 0], convention="modified", types=("prismatic", "revolute"),
+        position_limits=[15.0, 90.0],
+    )  # fmt: skip
+    pk.Limits(position=[15.0, 6.0]).bounds(gantry, 11)
+    pk.Limits(position={"joint1": 14.0}).bounds(gantry, 11)

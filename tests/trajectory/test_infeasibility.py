@@ -54,20 +54,22 @@ def test_limits_that_clearly_contradict_the_path_are_named_by_joint_and_sample_o
 
 
 def test_an_obstacle_on_the_path_is_blamed_by_number_and_link():
-    error = refusal(
-        limits=pk.Limits(position=POSITION),
-        obstacles=[pk.obstacles.Circle([1.0, 1.0], 0.1), pk.obstacles.Circle([0.3, 0.07], 0.03)],
-    )
+    with pytest.warns(RuntimeWarning, match=r"path: obstacle 2, a circle, is in its way: at sample \d+ .* link 3"):
+        error = refusal(
+            limits=pk.Limits(position=POSITION),
+            obstacles=[pk.obstacles.Circle([1.0, 1.0], 0.1), pk.obstacles.Circle([0.3, 0.07], 0.03)],
+        )
     assert error.limit == "clearance"
     assert "between link 3 and obstacle 2, a circle" in str(error)
 
 
 def test_an_obstacle_without_which_there_is_a_motion_is_blamed_rather_than_joint_limits():
-    error = refusal(
-        limits=pk.Limits(position=POSITION, velocity=2.9, clearance=0.5),
-        obstacles=[pk.obstacles.Circle([0.12, 0.12], 0.05)],
-        link_radius=0.02,
-    )
+    with pytest.warns(RuntimeWarning, match="no motion along it is feasible"):
+        error = refusal(
+            limits=pk.Limits(position=POSITION, velocity=2.9, clearance=0.5),
+            obstacles=[pk.obstacles.Circle([0.12, 0.12], 0.05)],
+            link_radius=0.02,
+        )
     assert error.limit == "clearance"
 
 

@@ -71,7 +71,9 @@ class Examples:
 
     def arguments(self, surface: Surface, bad: Argument) -> dict[str, object]:
         """Return good arguments by name: those that a call needs, and those that keep it short, but for the bad one."""
-        required = [each.name for each in surface.arguments if each.is_required]
+        required = [
+            each.name for each in surface.arguments if each.is_required or each.name == "choice"
+        ]  # no run has one
         needed = [name for name in (*required, *ALSO.get(surface.name, ())) if name != bad.name]
         quick = {name: value for name, value in QUICK.get(surface.name, {}).items() if name != bad.name}
         return {name: self._value(surface.name, name) for name in needed} | quick

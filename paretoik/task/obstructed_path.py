@@ -1,0 +1,56 @@
+"""Obstacles on the path: where the tool itself cannot keep clear of one, no motion can, whatever the posture."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+from jaxtyping import Float
+
+from paretoik.robot.kinematics import link_nodes
+from paretoik.task.distances import signed_distance
+from paretoik.task.limits import LIMIT_TOLERANCE
+from paretoik.task.motion_task import MotionTask
+from paretoik.task.task import Task
+
+
+def warn_of_obstructed_path(task: MotionTask) -> None:
+    """Warn where an obstacle is nearer to the tool's path than links may be to it: no motion is feasible then.
+
+    The tool is the end of the last link, and at every sample where its path has it. No error: the least-violating
+    motion may be wanted, and the search for one goes on to name it.
+    """
+    for followed in task.tasks:
+        if task.obstacles and _fixes_tool(task, followed):
+            message = _obstruction(task, _tool_positions(task, followed))
+            if message:
+                warnings.warn(message, RuntimeWarning, stacklevel=3)
+
+
+def _fixes_tool(task: MotionTask, followed: Task) -> bool:
+    """Say whether a path says where the tool is, all of its position."""
+    return followed.frame == "tool" and (task.arm.is_planar or followed.axes not in ("xy", "xy+angle"))
+
+
+def _tool_positions(task: MotionTask, followed: Task) -> Float[np.ndarray, "time 3"]:
+    points = followed.path.positions
+    height = link_nodes(task.arm, np.zeros(task.arm.dof))[-1, 2]
+    flat = np.column_stack([points[:, :2], np.full(len(points), height)])
+    return flat if task.arm.is_planar else points
+
+
+def _obstruction(task: MotionTask, tool: Float[np.ndarray, "time 3"]) -> str:
+    """Return which obstacle is nearest to the tool, at which sample, and how near links may be; "" if all are clear."""
+    distances = np.stack([signed_distance(obstacle, tool, tool) for obstacle in task.obstacles]) - task.link_radius
+    obstacle, sample = np.unravel_index(int(np.argmin(distances)), distances.shape)
+    distance = float(distances[obstacle, sample])
+    if task.min_clearance - distance <= LIMIT_TOLERANCE * task.clearance_range:
+        return ""
+    count = int((distances[obstacle] < task.min_clearance).sum())
+    shape = type(task.obstacles[int(obstacle)]).__name__.lower()
+    where = f"reaches {-distance:.3g} m into it" if distance < 0 else f"is {distance:.3g} m away from it"
+    return (
+        f"path: obstacle {obstacle + 1}, a {shape}, is in its way: at sample {sample} ({task.times[sample]:.4g} s), "
+        f"the worst of {count}, the end of link {task.arm.dof} (of radius {task.link_radius:g} m) {where}, where a "
+        f"clearance of {task.min_clearance:g} m is wanted: no motion along it is feasible"
+    )
