@@ -76,7 +76,7 @@ def test_joints_with_several_freedoms_are_refused_by_name_on_the_chain_only(writ
 def test_a_mimic_joint_is_refused_by_name_on_the_chain_unless_it_is_fixed(write_urdf):
     file = write_urdf(*chain_of_three(inside=LIMIT + '<mimic joint="j1"/>'))
     with pytest.raises(
-        InvalidRobot, match="joint 'j2': joints of one freedom of their own wanted on the chain .*, got a mimic"
+        InvalidRobot, match=r"joint 'j2': joints of one freedom of their own wanted on the chain .*, got a mimic"
     ):
         Arm.from_urdf(file)
     assert Arm.from_urdf(file, fixed={"j2": 0.5}).joint_names == ("j1", "j3")
