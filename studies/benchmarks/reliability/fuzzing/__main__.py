@@ -47,7 +47,9 @@ def _fuzz(target: str, seconds: int, crashes: Path) -> Iterator[Row]:
     with tempfile.TemporaryDirectory() as work:
         while (remaining := int(until - time.monotonic())) > 0:
             command = [sys.executable, "-m", WORKER, target, str(crashes), work, str(remaining)]
-            process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+            process = subprocess.Popen(
+                command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace"
+            )
             assert process.stdout is not None
             for line in process.stdout:
                 if line.startswith("defect "):
