@@ -16,18 +16,16 @@ from paretoik.errors import InvalidInput, ParetoikError
 from paretoik.user_functions import cause_of
 from studies.benchmarks.reliability.inputs.examples import PARTS, STARS, Examples
 from studies.benchmarks.reliability.inputs.faults import BadInput, bad_inputs
+from studies.benchmarks.reliability.inputs.messages import message_faults
 from studies.benchmarks.reliability.inputs.surfaces import Surface
 
 Verdict = Literal["good", "taken", "poor", "bad"]
-WISH = re.compile(r"\b(wanted|wants?|must)\b")
-FACT = re.compile(r"\bgot\b")
 
 
 @dataclass(frozen=True, kw_only=True)
 class JudgingOptions:
-    """A message is at most so many characters ``long``; what is refused takes at most so much processor time [s]."""
+    """What is refused takes at most so much processor time [s]."""
 
-    long: int = 400
     seconds: float = 0.25
 
 
@@ -124,15 +122,7 @@ def _call(case: Case, examples: Examples) -> Any:
 
 
 def _judge_message(case: Case, message: str) -> Outcome:
-    faults = []
-    if "\n" in message or len(message) > OPTIONS.long or not message.isprintable():
-        faults.append("not one line")
-    if not _is_named(case, message):
-        faults.append("no name")
-    if not WISH.search(message):
-        faults.append("no wish")
-    if not FACT.search(message):
-        faults.append("no fact")
+    faults = message_faults(message, is_named=_is_named(case, message))
     words = f"{', '.join(faults)}: {message}" if faults else message
     return Outcome(verdict="poor" if faults else "good", words=words)
 

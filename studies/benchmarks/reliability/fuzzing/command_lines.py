@@ -1,0 +1,62 @@
+"""A command line of any words: it ends with a documented exit code, and says in a line what it refuses."""
+
+from __future__ import annotations
+
+import io
+import os
+import sys
+from contextlib import chdir, redirect_stderr, redirect_stdout
+from pathlib import Path
+from unittest.mock import patch
+
+from paretoik.cli import main
+from studies.benchmarks.reliability.fuzzing.defect import Defect, check_message, refusals
+from studies.benchmarks.reliability.fuzzing.run_folders import whole_run
+
+CODES = (0, 2, 3, 4, 5, 6, 7)  # of what ends by itself, as the help has them
+FILES = {
+    "robot.urdf": '<robot name="r"><link name="a"/><link name="b"/><joint name="j" type="continuous">'
+    '<parent link="a"/><child link="b"/></joint></robot>',
+    "faulty.urdf": '<robot name="r"><link name="a"/><link name="a"/></robot>',
+    "no_problem.py": "value = 3\n",
+}
+
+
+class CommandLines:
+    """Reads bytes as the words of a command line, NUL between them, in a folder with a run, robots and a module."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder / "project"
+        self._folder.mkdir()
+
+    def __call__(self, data: bytes) -> None:
+        """Run a command; raise Defect."""
+        self.run([os.fsdecode(word) for word in data.split(b"\0")])
+
+    def run(self, words: list[str]) -> None:
+        """Run the words of a command; raise Defect."""
+        whole_run(self._folder / "run")
+        for name, text in FILES.items():
+            (self._folder / name).write_text(text)
+        out, err = io.StringIO(), io.StringIO()
+        code: object = None
+        argv = patch.object(sys, "argv", ["paretoik", *words])
+        with refusals(), chdir(self._folder), redirect_stdout(out), redirect_stderr(err), argv:
+            try:
+                main()
+            except SystemExit as end:
+                code = 0 if end.code is None else end.code
+        _check(code, out.getvalue(), err.getvalue())
+
+
+def _check(code: object, out: str, err: str) -> None:
+    if code not in CODES:
+        raise Defect(f"exit code {code}")
+    for text in (out, err):
+        if "Traceback (most recent" in text:
+            raise Defect("a traceback is printed")
+    refusal = [line for line in err.splitlines() if line.startswith("error: ")]
+    if code == 2 and "fault: " not in out and not out.lstrip().startswith(("Usage", "{")):
+        if len(refusal) != 1:
+            raise Defect(f"exit code 2 with {len(refusal)} lines of errors")
+        check_message(refusal[0], ": ")

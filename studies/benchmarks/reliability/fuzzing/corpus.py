@@ -1,0 +1,34 @@
+"""The inputs that fuzzing begins with, and that tests run again: one folder a target, one file an input."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from hashlib import sha256
+from pathlib import Path
+from typing import TypeAlias
+
+from studies.benchmarks.reliability.fuzzing.command_lines import CommandLines
+from studies.benchmarks.reliability.fuzzing.run_folders import RunFolders
+from studies.benchmarks.reliability.fuzzing.urdf_files import UrdfFiles
+
+CORPUS = Path(__file__).parents[4] / "tests" / "fuzzing" / "corpus"
+TARGETS: dict[str, Callable[[Path], UrdfFiles | RunFolders | CommandLines]] = {
+    "urdf": UrdfFiles,
+    "runs": RunFolders,
+    "commands": CommandLines,
+}
+Target: TypeAlias = Callable[[bytes], None]
+
+
+def inputs(target: str) -> Iterator[tuple[str, bytes]]:
+    """Yield the name and the bytes of every input of a target, in order."""
+    for file in sorted((CORPUS / target).iterdir()):
+        yield file.name, file.read_bytes()
+
+
+def keep(folder: Path, data: bytes) -> Path:
+    """Write an input into a folder under the beginning of its digest, and return where it is."""
+    folder.mkdir(parents=True, exist_ok=True)
+    file = folder / sha256(data).hexdigest()[:16]
+    file.write_bytes(data)
+    return file

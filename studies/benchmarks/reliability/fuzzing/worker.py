@@ -1,0 +1,59 @@
+"""One target led by coverage, in a process of its own: ``python -m ...fuzzing.worker TARGET CRASHES WORK SECONDS``.
+
+Atheris feeds it inputs; each new kind of defect is printed in a line and its input kept in the folder of crashes. What
+ends the process (a crash of a library, a hang) leaves its input there, too, and this process.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+READERS = [
+    "paretoik.cli",
+    "paretoik.front",
+    "paretoik.inputs",
+    "paretoik.journal",
+    "paretoik.robot.urdf",
+    "paretoik.robot.urdf_chain",
+    "paretoik.robot.urdf_reading",
+    "paretoik.robot.urdf_tree",
+    "paretoik.robot.urdf_xml",
+    "paretoik.run_files",
+    "paretoik.stored_arrays",
+    "paretoik.verification",
+    "typer",
+]
+"""What is traced: what reads bytes, and nothing that numba compiles."""
+HANG = 30  # seconds after which an input counts as one that never ends
+
+
+def main() -> None:
+    """Fuzz a target until the time is over."""
+    import atheris  # here: an extra of the benchmark
+
+    name, crashes, work, seconds = sys.argv[1], Path(sys.argv[2]), sys.argv[3], sys.argv[4]
+    with atheris.instrument_imports(include=READERS):
+        from studies.benchmarks.reliability.fuzzing.corpus import CORPUS, TARGETS, keep
+        from studies.benchmarks.reliability.fuzzing.defect import Defect, kind_of
+    target, kinds = TARGETS[name](Path(tempfile.mkdtemp())), set[str]()
+
+    def once(data: bytes) -> Any:
+        try:
+            target(data)
+        except Defect as defect:
+            kind = kind_of(defect)
+            if kind not in kinds:
+                kinds.add(kind)
+                print(f"defect {keep(crashes, data)}: {defect}", flush=True)
+
+    options = [f"-max_total_time={seconds}", f"-timeout={HANG}", "-print_final_stats=1", "-max_len=8192"]
+    files = [work, str(CORPUS / name)]
+    atheris.Setup([sys.argv[0], *options, f"-artifact_prefix={crashes}/", "-verbosity=0", *files], once)
+    atheris.Fuzz()
+
+
+if __name__ == "__main__":
+    main()
