@@ -185,9 +185,10 @@ def test_what_is_no_number_of_workers_address_or_time_is_refused(arguments, word
     assert not (tmp_path / "run").exists()
 
 
-def test_a_closed_loop_is_followed_without_workers():
-    with pytest.raises(InvalidInput, match="workers: wants a search for a front, got a closed loop"):
-        pk.solve(PROBLEMS["loop"](), workers=2)
+@pytest.mark.parametrize("name", ["workers", "islands"])
+def test_a_closed_loop_is_followed_without_workers_and_islands(name):
+    with pytest.raises(InvalidInput, match=f"{name}: wants a search for a front, got a closed loop"):
+        pk.solve(PROBLEMS["loop"](), **{name: 2})
 
 
 def test_quick_evaluations_are_told_not_to_pay(monkeypatch, tmp_path):
