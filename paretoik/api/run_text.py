@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from paretoik.formulations.protocol import is_loop
 from paretoik.review.run_words import ending_words
 from paretoik.run_files import DRAWING
+from paretoik.shell_command import shell_command
 from paretoik.tables import columns
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ def plan_text(plan: Plan, name: str, unit: str, out: Path) -> str:
     lines.append(columns(rows))
     if (out / DRAWING).exists():  # not after a signal
         lines.append(f"pictured in {out / DRAWING}")
-    lines.append(f"export:  {shlex.join(['paretoik', 'export', str(out), '--point', '0'])}")
+    lines.append(f"export:  {shell_command('paretoik', 'export', out, '--point', '0')}")
     return "\n".join(lines)
 
 
