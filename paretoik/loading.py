@@ -13,6 +13,7 @@ from typing import Any, TypeGuard
 from paretoik.errors import InvalidInput, ParetoikError
 from paretoik.formulations.protocol import timeline
 from paretoik.inputs import likely_spelling, shown
+from paretoik.shell_command import shell_command
 
 
 def load_problem(reference: str) -> Any:
@@ -27,9 +28,10 @@ def load_problem(reference: str) -> Any:
     """
     place, _, name = reference.rpartition(":")
     if not place or not name:
+        file = [Path(reference)] if str(reference).endswith(".py") else []
         raise InvalidInput(
             f"problem: wanted FILE.py:NAME or package.module:NAME, got {shown(reference)} "
-            f"('paretoik list{f' {reference}' if str(reference).endswith('.py') else ''}' shows names)"
+            f"({shell_command('paretoik', 'list', *file)} shows names)"
         )
     module = _import_module(place)
     value = getattr(module, name, None)

@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePath
@@ -19,6 +18,7 @@ import numpy as np
 
 from paretoik.errors import InvalidInput, InvalidRun
 from paretoik.file_replacement import only_writer, replace_file, replace_files
+from paretoik.shell_command import shell_command
 
 FORMAT = 1
 RUN = "run.json"
@@ -180,7 +180,7 @@ def can_resume(folder: Path) -> bool:
 def unfinished_note(folder: Path) -> str:
     """Say what can be done with a run that has no result, and where the one is that it replaces, after an error."""
     former = folder / FORMER
-    resumed = f"; 'paretoik resume {shlex.quote(str(folder))}' goes on with it" if can_resume(folder) else ""
+    resumed = f"; what goes on with it: {shell_command('paretoik', 'resume', folder)}" if can_resume(folder) else ""
     return resumed + (f"; the run that it was to replace is in {former}" if is_run(former / RUN) else "")
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 import textwrap
 from collections.abc import Sequence
 from dataclasses import asdict, fields
@@ -14,6 +13,7 @@ from paretoik.formulations.protocol import is_loop
 from paretoik.front.certificate_text import certificate_text
 from paretoik.front.choices import preference_data
 from paretoik.review.limits_between import describe_limits_between
+from paretoik.shell_command import shell_command
 from paretoik.tables import columns
 
 if TYPE_CHECKING:
@@ -28,10 +28,16 @@ def result_text(front: Front, out: Path) -> str:
     lines = _loop_lines(front) if is_loop(front) else _front_lines(front)
     if (command := resume_command(out, front.provenance["status"])) is not None:
         lines.append(f"go on:   {command}")
-    weights = ",".join(f"{name}={1 / len(front.names):.2g}" for name in front.names)
-    lines.append(f"choose:  {shlex.join(['paretoik', 'select', str(out), '--weights', weights])}")
-    lines.append(f"replay:  {shlex.join(['paretoik', 'show', str(out)])}")
+    lines.append(f"choose:  {shell_command('paretoik', 'select', out, *_preference_words(front))}")
+    lines.append(f"replay:  {shell_command('paretoik', 'show', out)}")
     return "\n".join(lines)
+
+
+def _preference_words(front: Front) -> list[str]:
+    """Return equal weights as the command line has them, or a preference without names where these do not fit there."""
+    if any(sign in name for name in front.names for sign in ",="):
+        return ["--compromise"]
+    return ["--weights", ",".join(f"{name}={1 / len(front.names):.2g}" for name in front.names)]
 
 
 def _loop_lines(front: Front) -> list[str]:

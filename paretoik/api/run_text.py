@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +11,7 @@ from paretoik.errors import InvalidInput
 from paretoik.formulations.protocol import is_loop
 from paretoik.review.run_words import ending_words
 from paretoik.run_files import DRAWING, RUN, STOPPED, can_resume, read_run
+from paretoik.shell_command import shell_command
 from paretoik.tables import columns
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ def plan_text(plan: Plan, name: str, unit: str, out: Path) -> str:
         lines.append(f"pictured in {out / DRAWING}")
     if (command := resume_command(out, status)) is not None:
         lines.append(f"go on:   {command}")
-    lines.append(f"export:  {shlex.join(['paretoik', 'export', str(out), '--point', '0'])}")
+    lines.append(f"export:  {shell_command('paretoik', 'export', out, '--point', '0')}")
     return "\n".join(lines)
 
 
@@ -66,12 +66,12 @@ def resume_command(folder: Path, status: object = "interrupted") -> str | None:
     """Return the command by which a run goes on that has a ``status``; None where it was not stopped, or cannot."""
     if status not in STOPPED or not can_resume(folder):
         return None
-    words, reference = ["paretoik", "resume", str(folder)], read_run(folder / RUN).get("problem")
+    reference, named = read_run(folder / RUN).get("problem"), list[str]()
     try:
         check_own(folder, reference)
     except InvalidInput:  # a problem that is loaded where it is named alone
-        words += [] if reference is None else ["--problem", str(reference)]
-    return shlex.join(words)
+        named = [] if reference is None else ["--problem", str(reference)]
+    return shell_command("paretoik", "resume", folder, *named)
 
 
 def optima_entries(plan: Plan) -> list[dict[str, Any]]:

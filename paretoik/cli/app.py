@@ -14,11 +14,12 @@ from typer.core import TyperGroup
 
 from paretoik.cli.check_robot import check_robot
 from paretoik.cli.compare import compare
-from paretoik.cli.console import NO_RESULT, print_error, print_message, print_what_is_printable
+from paretoik.cli.console import NO_RESULT, print_error, print_message
 from paretoik.cli.export import export
 from paretoik.cli.front import front
 from paretoik.cli.list_problems import list_problems
 from paretoik.cli.navigate import navigate
+from paretoik.cli.output import process_output
 from paretoik.cli.plan import plan
 from paretoik.cli.refine import refine
 from paretoik.cli.report import report
@@ -91,11 +92,11 @@ app.command("check-robot")(check_robot)
 
 def main() -> None:
     """Run the command line."""
-    print_what_is_printable()
     with warnings.catch_warnings():
         warnings.showwarning = lambda message, *_, **__: print_message("warning:", "yellow", str(message))
         try:
-            app()
+            with process_output():
+                app()
         except ParetoikError as error:
             print_error(str(error), error)
             sys.exit(error.exit_code)

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import codecs
 import json
 import os
 import sys
-import unicodedata
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stdout
-from io import TextIOWrapper
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
@@ -17,6 +14,7 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
+from paretoik.cli.output import STDERR, STDOUT
 from paretoik.errors import SolverFailed
 
 if TYPE_CHECKING:
@@ -25,8 +23,6 @@ if TYPE_CHECKING:
 JsonFlag = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 QuietFlag = Annotated[bool, typer.Option("--quiet", help="No progress.")]
 RunFolder = Annotated[Path, typer.Argument(help="Folder of a finished run.", show_default=False)]
-PLAIN = str.maketrans("−–×·", "--x*")  # what no decomposition leads to
-STDOUT, STDERR = 1, 2  # descriptors of the process
 NO_RESULT = 6  # the exit code of what was interrupted before there was a result
 NOT_VERIFIED = 7  # the exit code of a verification that fails
 EXIT_CODES = {"time limit": 5, "SIGINT": 130, "interrupted": 130, "SIGTERM": 143}  # of what stopped a run
@@ -44,35 +40,14 @@ def stdout_for_results() -> Iterator[None]:
     Programs and libraries write where the process's own stdout leads, past Python's.
     """
     print(end="", flush=True)
-    try:
-        stdout = os.dup(STDOUT)
-    except OSError:  # it is closed
-        stdout = None
+    stdout = os.dup(STDOUT)
     os.dup2(STDERR, STDOUT)
     try:
         with redirect_stdout(sys.stderr):
             yield
     finally:
-        if stdout is None:
-            os.close(STDOUT)
-        else:
-            os.dup2(stdout, STDOUT)
-            os.close(stdout)
-
-
-def print_what_is_printable() -> None:
-    """Let stdout and stderr write the nearest plain letters (N2m2s) where their encoding has no others."""
-    codecs.register_error("paretoik.plain", _plain_letters)
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, TextIOWrapper):
-            stream.reconfigure(errors="paretoik.plain")
-
-
-def _plain_letters(error: UnicodeError) -> tuple[str, int]:
-    assert isinstance(error, UnicodeEncodeError)
-    letters = unicodedata.normalize("NFKD", error.object[error.start : error.end])
-    plain = letters.translate(PLAIN).encode("ascii", "replace")
-    return plain.decode(), error.end
+        os.dup2(stdout, STDOUT)
+        os.close(stdout)
 
 
 @contextmanager
@@ -116,7 +91,7 @@ def finish_front(front: Front, out: Path, *, as_json: bool) -> NoReturn:
 
 def print_message(kind: str, style: str, text: str) -> None:
     """Print a message on stderr, as one line that starts with its kind."""
-    Console(stderr=True).print(Text.assemble((kind, style), " ", " ".join(text.split())), soft_wrap=True)
+    Console(stderr=True).print(Text.assemble((kind, style), " ", _one_line(text)), soft_wrap=True)
 
 
 def print_error(text: str, error: BaseException) -> None:
@@ -124,3 +99,9 @@ def print_error(text: str, error: BaseException) -> None:
     print_message("error:", "bold red", text)
     for note in getattr(error, "__notes__", ()):
         print_message("note:", "yellow", note)
+
+
+def _one_line(text: str) -> str:
+    """Return text as a line in which nothing steers a terminal."""
+    line = " ".join(filter(None, map(str.strip, text.splitlines())))
+    return "".join(each if each.isprintable() else each.encode("unicode_escape").decode() for each in line)

@@ -12,6 +12,7 @@ from paretoik.cli.console import RunFolder
 from paretoik.cli.options import RunProblem
 from paretoik.errors import InvalidInput
 from paretoik.run_files import DRAWING, RECORDING, RUN, is_run, read_run
+from paretoik.shell_command import shell_command
 
 
 def show(
@@ -74,11 +75,12 @@ def _open(recording: Path, file: Path) -> None:
     """Open a recording, or a copy of it, in the viewer and wait for it; raises InvalidInput where it does not start."""
     from paretoik.review.recording.viewer import run_viewer
 
-    viewer = run_viewer(str(file))  # without a screen it ends with an error
+    viewer = run_viewer(str(file.absolute()))  # without a screen it ends with an error
     if viewer.returncode != 0:
         # The last line ends with the cause.
         message = (viewer.stderr.strip().splitlines() or [f"exit status {viewer.returncode}"])[-1].rsplit(": ", 1)[-1]
         raise InvalidInput(
             f"{recording}: wanted to open it in the Rerun viewer, got {message!r}; without a screen, "
-            f"copy the file to a machine that has one, or run: rerun --serve-web --bind 127.0.0.1 {recording}"
+            f"copy the file to a machine that has one, or run: "
+            f"{shell_command('rerun', '--serve-web', '--bind', '127.0.0.1', recording)}"
         )

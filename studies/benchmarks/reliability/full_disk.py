@@ -77,5 +77,5 @@ def run_on_small_disk(name: str, size: int, folder: Path, result: str) -> SmallD
 def _outcome(process: subprocess.CompletedProcess[str], run: Path, result: str) -> DiskOutcome:
     if process.returncode == 2 and process.stderr.startswith("error: ") and not (run / "checkpoint").exists():
         return "refused at once"
-    kept = (run / "run.json").exists() and "files" in json.loads((run / "run.json").read_text())
-    return "result kept" if process.returncode == 0 and kept and result_of(run) == result else "lost"
+    saved = (run / "run.json").exists() and "files" in json.loads((run / "run.json").read_text())
+    return "result kept" if process.returncode == 0 and saved and result_of(run) == result else "lost"
