@@ -226,8 +226,8 @@ def _anchors(problem: Any, settings: SolveSettings, generations: int) -> int:
 def _endings(search: Search | Islands, settings: SolveSettings, generations: int, anchors: int) -> list[Ending]:
     endings: list[Ending] = [Generations(generations)]
     if settings.time_limit is not None:
-        share = DEFAULTS.search_time if settings.refine else 1.0
-        endings.append(TimeLimit(share * settings.time_limit))
+        limit = TimeLimit(settings.time_limit)
+        endings.append(replace(limit, seconds=DEFAULTS.search_time * limit.seconds) if settings.refine else limit)
     if settings.evaluations is not None:
         endings.append(Evaluations(settings.evaluations))
     if settings.target is not None:

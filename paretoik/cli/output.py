@@ -69,7 +69,8 @@ def _lenient(stream: Any, original: Any, descriptor: int) -> Any:
 
 def _check_written(stream: Any) -> None:
     """Have all written; raises InvalidInput where a reader who is still there did not get it."""
-    if stream is None or not isinstance(file := getattr(stream.buffer, "raw", None), _LenientFile):
+    file = getattr(getattr(stream, "buffer", None), "raw", None)
+    if not isinstance(file, _LenientFile):
         return
     stream.flush()
     if file.fault is not None and file.fault.errno != errno.EPIPE:

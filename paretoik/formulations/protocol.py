@@ -13,8 +13,8 @@ part                                     what it makes possible
                                          run is recognised as the problem's, it is rounded
 ``search_attributes``                    names of what does not count there: how solutions are searched for
 ``decode(genes), encode(motions)``       motions of a front; starting from motions
-``task``                                 motions of a stored run with their arm (``stored_motions``), on their path
-                                         where "tracking" is among ``constraint_names``
+``task``                                 motions of a stored run with their arm (``stored_motions``)
+``follows_path``                         true where every motion follows the task's path exactly: stored ones, too
 all of ``Differentiable``                ``refine``, ``epsilon_front`` and certificates; a formulation without has
                                          no gradients, and these verbs refuse it before any work
 ``values_between(front, shares)``        ``front.jumps``: objectives (gaps, shares, n_obj), minimised, of what lies at

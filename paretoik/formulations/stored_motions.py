@@ -73,8 +73,8 @@ def _check_loop(motions: Motion, stated: object) -> None:
 
 
 def _is_on_path(problem: Any) -> bool:
-    """Say whether motions of a problem follow its path exactly; closed loops have errors of their own."""
-    return "tracking" in getattr(problem, "constraint_names", ())
+    """Say whether motions of a problem follow its path exactly; loops and resolvers have errors of their own."""
+    return getattr(problem, "follows_path", False) is True
 
 
 def _check_tracking(task: MotionTask, motions: Motion, ids: Sequence[int]) -> None:

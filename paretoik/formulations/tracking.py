@@ -100,6 +100,7 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
     encoding: Encoding
     computed_attributes = ("_rollouts", "encoding")
     species_gene = 0  # it names the base motion
+    follows_path = True
     navigate = navigate
     predict = predict
 

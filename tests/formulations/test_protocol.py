@@ -9,6 +9,7 @@ from pymoo.problems.multi.zdt import ZDT1
 import paretoik as pk
 from paretoik.errors import InvalidInput
 from paretoik.formulations import protocol
+from paretoik.formulations.stored_motions import restore_motions
 from tests.api.problems import tracking
 
 PLAIN = ZDT1(n_var=3)
@@ -47,5 +48,5 @@ def test_tracking_encodes_what_it_decodes_and_restores_its_motions():
     genes, deviation = protocol.encode(problem, protocol.decode(problem, np.array(front.genes)))
     assert genes.shape == front.genes.shape
     assert deviation.max() < 1e-6
-    restored = protocol.restore_motions(problem, front)
+    restored = restore_motions(problem, front)
     np.testing.assert_array_equal(restored.torque, front.motions.torque)

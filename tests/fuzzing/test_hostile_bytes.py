@@ -45,7 +45,7 @@ def test_every_input_of_the_corpus_is_taken_or_refused_in_a_good_line(targets, t
 @quickly
 def test_inputs_that_are_cut_flipped_or_edited_are_taken_or_refused_in_a_good_line(targets, target, data):
     content = data.draw(st.sampled_from(list(SEEDS[target].values())))
-    first = content[:1] if target == "runs" else b""  # says which file it is
+    first = content[:1] if target == "folders" else b""  # says which file it is
     edited = changed(content[len(first) :], data.draw(a_place), data.draw(a_change), data.draw(st.sampled_from(POOL)))
     targets[target](first + edited)
 

@@ -77,7 +77,7 @@ def test_a_duration_of_whole_periods_keeps_its_time():
         ({"ramp": -0.1}, "ramp: 0, or from one period to the motion's 1 s wanted, got -0.1 s"),
         ({"ramp": 1.1}, "ramp: 0, or from one period to the motion's 1 s wanted, got 1.1 s"),
         ({"rate": 2.0}, "from 3 to 1000000 periods wanted, got 2 Hz for 1 s"),
-        ({"rate": 2e6, "duration": 0.1}, "rate: at most 1e.06 Hz, .* wanted, got 2e.06 Hz for 0.1 s"),
+        ({"rate": 2e6, "duration": 0.1}, "rate and time_scale: at most 1e.06 Hz, .* wanted, got 2e.06 Hz for 0.1 s"),
         ({"rate": 1e5, "duration": 60.0}, "from 3 to 1000000 periods wanted, got 100000 Hz for 60 s"),
     ],
 )

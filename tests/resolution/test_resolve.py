@@ -448,7 +448,7 @@ def test_more_redundancy_and_several_tasks():
             {"method": pk.methods.PredictiveKineticEnergy(terminal=np.zeros(0))},
             "PredictiveKineticEnergy: numbers wanted, got an empty",
         ),
-        ({"start": [0.3, 0.2, 0.5]}, "start is 0.2"),
+        ({"start": [0.3, 0.2, 0.5]}, "start must be at most 0.01 m off the path's first sample, or unreachable"),
         ({"start": "home"}, "start: must hold real numbers, got text"),
         ({"method": pk.methods.PseudoInverse(feedback=1000.0)}, "PseudoInverse: feedback from 0 to 40 1/s wanted"),
         (

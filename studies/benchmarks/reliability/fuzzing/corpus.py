@@ -14,7 +14,7 @@ from studies.benchmarks.reliability.fuzzing.urdf_files import UrdfFiles
 CORPUS = Path(__file__).parents[4] / "tests" / "fuzzing" / "corpus"
 TARGETS: dict[str, Callable[[Path], UrdfFiles | RunFolders | CommandLines]] = {
     "urdf": UrdfFiles,
-    "runs": RunFolders,
+    "folders": RunFolders,
     "commands": CommandLines,
 }
 Target: TypeAlias = Callable[[bytes], None]
