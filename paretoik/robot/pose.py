@@ -87,8 +87,10 @@ class Pose:
         """Pose in the xy-plane: position (x, y) [m], rotated by ``angle`` [rad] about +z."""
         half = finite_number("pose angle", angle) / 2
         check_angles("pose angle", angle)
-        position = (finite_number("pose x", x), finite_number("pose y", y), 0.0)
-        return cls(position, (np.cos(half), 0.0, 0.0, np.sin(half)))
+        position = {"pose x": finite_number("pose x", x), "pose y": finite_number("pose y", y)}
+        for name, value in position.items():
+            check_magnitude(name, value, "m")
+        return cls((*position.values(), 0.0), (np.cos(half), 0.0, 0.0, np.sin(half)))
 
     def __len__(self) -> int:
         """Return the size of the leading batch axis; a single pose has none."""

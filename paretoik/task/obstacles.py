@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from paretoik.arrays import Vector3
 from paretoik.errors import InvalidInput
-from paretoik.inputs import ArrayLike, finite_array, positive_number
+from paretoik.inputs import ArrayLike, check_magnitude, finite_array, positive_number
 from paretoik.robot.pose import Pose, check_pose
 from paretoik.tables import field_representation, html_representation
 
@@ -28,7 +28,7 @@ class Circle:
     def __init__(self, center: ArrayLike, radius: float) -> None:
         _freeze(
             self,
-            center=finite_array("circle center", center, shape=(2,)),
+            center=_point("circle center", center, 2),
             radius=positive_number("circle radius", radius, "m"),
         )
 
@@ -46,7 +46,7 @@ class Sphere:
     def __init__(self, center: ArrayLike, radius: float) -> None:
         _freeze(
             self,
-            center=finite_array("sphere center", center, shape=(3,)),
+            center=_point("sphere center", center, 3),
             radius=positive_number("sphere radius", radius, "m"),
         )
 
@@ -63,8 +63,8 @@ class Capsule:
     _repr_html_ = html_representation
 
     def __init__(self, start: ArrayLike, end: ArrayLike, radius: float) -> None:
-        first = finite_array("capsule start", start, shape=(3,))
-        last = finite_array("capsule end", end, shape=(3,))
+        first = _point("capsule start", start, 3)
+        last = _point("capsule end", end, 3)
         _freeze(self, start=first, end=last, radius=positive_number("capsule radius", radius, "m"))
 
 
@@ -89,13 +89,19 @@ class Box:
         if sizes.min() <= 0:
             raise InvalidInput(f"box half_sizes: must be positive, got {sizes.min():g} m at index {sizes.argmin()}")
         if not isinstance(center, Pose):
-            point = finite_array("box center", center, shape=sizes.shape)
+            point = _point("box center", center, len(sizes))
             center = Pose(np.pad(point, (0, 3 - len(point))))
         check_pose("box center", center)
         _freeze(self, pose=center, half_sizes=sizes)
 
 
 Obstacle: TypeAlias = Circle | Sphere | Capsule | Box
+
+
+def _point(name: str, coordinates: ArrayLike, size: int) -> Float[np.ndarray, " size"]:
+    point = finite_array(name, coordinates, shape=(size,))
+    check_magnitude(name, point, "m")
+    return point
 
 
 def _freeze(obstacle: object, **fields: object) -> None:
