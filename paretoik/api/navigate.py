@@ -13,7 +13,7 @@ from paretoik.execution.run_folder import check_other_folder, claim_folder, lock
 from paretoik.front.front import Choice, Front
 from paretoik.front.provenance import NAVIGATIONS
 from paretoik.inputs import file_path
-from paretoik.run_files import CERTIFICATES, PICTURE
+from paretoik.run_files import CERTIFICATES, PICTURE, RUN, STOPPED, can_resume, read_run
 
 
 def navigate(
@@ -32,7 +32,8 @@ def navigate(
     """Return the front of a run with a new certified point, that point, and the folder that holds them now.
 
     That is the run itself, which loses nothing: where former points are dominated by the new one, they stay there and
-    the new front goes into a folder beside it. ``out`` names another folder, ``overwrite`` replaces a run there;
+    the new front goes into a folder beside it; so it does where the run was stopped and can be resumed, since what
+    it comes to then replaces its front. ``out`` names another folder, ``overwrite`` replaces a run there;
     ``problem`` is as for ``load_front``, the other arguments are those of ``Front.navigate``.
 
     It moves from a ``point``, by default from the present choice of the run.
@@ -47,7 +48,7 @@ def navigate(
         moved = front.navigate(point, improve=improve, allow=allow, hold=hold, by=by, to=to)
         choice = moved.navigated
         assert choice is not None  # a move leads somewhere or raises
-        place = place if out is not None or not _dominated(moved) else _beside(folder, choice.id)
+        place = place if out is not None or not (_dominated(moved) or _goes_on(folder)) else _beside(folder, choice.id)
         moved.save(place)
         _draw(moved, folder, place)
     return moved, choice, place
@@ -67,6 +68,11 @@ def _place(folder: Path, out: str | Path | None, overwrite: bool) -> Iterator[Pa
 def _dominated(front: Front) -> list[Any]:
     """Return the ids of points that the last move has dominated."""
     return list(front.provenance[NAVIGATIONS][-1]["dominated"])
+
+
+def _goes_on(folder: Path) -> bool:
+    """Return whether a run was stopped and can be resumed, which would drop a point that joined it."""
+    return read_run(folder / RUN).get("status") in STOPPED and can_resume(folder)
 
 
 def _beside(folder: Path, id: int) -> Path:

@@ -124,3 +124,20 @@ def test_a_run_without_certificates_says_what_it_needs(paretoik, finished):
     ended = paretoik("navigate", finished, "--point", middle(finished), "--improve", "kinetic_energy")
     assert ended.code == 2
     assert "wants a front with certificates" in ended.err
+
+
+def test_a_point_of_a_stopped_run_outlives_its_resumption(paretoik, mine, tmp_path):
+    out, reference = tmp_path / "run", f"{mine}:good"
+    problem = load_problem(reference)
+    pk.epsilon_front(problem, points=2, starts=6, observe=False)  # compiles, which takes longer than the limit
+    pk.epsilon_front(problem, points=10**4, starts=6, time_limit=4.0, observe=False, out=out, reference=reference)
+    stopped = load_front(out)
+    assert stopped.provenance["status"] == "time limit"
+    start = stopped.ids[stopped.certificates.status == "minimum"][-1]
+    ended = paretoik("navigate", out, "--point", start, "--improve", "kinetic_energy", "--problem", reference)
+    assert ended.code == 0, ended
+    (place,) = tmp_path.glob("run-point-*")
+    assert np.array_equal(load_front(out).ids, stopped.ids)
+    before = {file.name: file.read_bytes() for file in place.iterdir() if file.is_file()}
+    assert paretoik("resume", out, "--problem", reference, "--time-limit", "4").code == 5
+    assert {file.name: file.read_bytes() for file in place.iterdir() if file.is_file()} == before
