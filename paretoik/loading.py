@@ -76,6 +76,8 @@ def _import_module(place: str) -> ModuleType:
             raise InvalidInput(f"problem file {place}: wanted a file, got nothing of that name in {root}")
         root, dotted = _root_and_name(path.resolve())
         _refuse_clash(root, dotted.partition(".")[0])
+    elif not all(part.isidentifier() for part in dotted.split(".")):
+        raise InvalidInput(f"problem file: wanted FILE.py or package.module, got {shown(place)}")
     sys.path[:] = [str(root), *(entry for entry in sys.path if entry != str(root))]
     importlib.invalidate_caches()
     try:

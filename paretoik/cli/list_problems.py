@@ -19,7 +19,7 @@ def list_problems(
     """List the problems that files offer."""
     from paretoik.loading import problems_in, unannotated_in
 
-    places = files or sorted(str(file) for file in Path("problems").glob("[!_]*.py"))
+    places = dict.fromkeys(files or sorted(str(file) for file in Path("problems").glob("[!_]*.py")))
     if not places:
         raise InvalidInput(f"list: wanted a file, got none, and there is no problems/*.py in {Path.cwd()}")
     rows: list[tuple[str, str]] = []

@@ -46,10 +46,11 @@ class CommandLines:
                 main()
             except SystemExit as end:
                 code = 0 if end.code is None else end.code
-        _check(code, out.getvalue(), err.getvalue())
+        _check(code, out.getvalue(), err.getvalue(), several=words[0] == "list")
 
 
-def _check(code: object, out: str, err: str) -> None:
+def _check(code: object, out: str, err: str, *, several: bool) -> None:
+    """Raise Defect; a command that looks at ``several`` files has a line for each that it refuses."""
     if code not in CODES:
         raise Defect(f"exit code {code}")
     for text in (out, err):
@@ -57,6 +58,7 @@ def _check(code: object, out: str, err: str) -> None:
             raise Defect("a traceback is printed")
     refusal = [line for line in err.splitlines() if line.startswith("error: ")]
     if code == 2 and "fault: " not in out and not out.lstrip().startswith(("Usage", "{")):
-        if len(refusal) != 1:
+        if not refusal or (len(refusal) > 1 and not several):
             raise Defect(f"exit code 2 with {len(refusal)} lines of errors")
-        check_message(refusal[0], ": ")
+        for line in refusal:
+            check_message(line, ": ")
