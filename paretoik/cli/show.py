@@ -66,8 +66,8 @@ def _with_choice(
             raise InvalidInput("point: a run with a front wanted, got a closed loop, whose only motion is shown anyhow")
         return recording
     choice = pick_point(front, point, name="--point", otherwise=compromise)
-    beside = None if compare is None else front[compare]
-    file.write_bytes(recording_with_choice(front, choice, recording=recording, compare=beside))
+    compared = None if compare is None else front[compare]
+    file.write_bytes(recording_with_choice(front, choice, recording=recording, compare=compared))
     return file
 
 

@@ -13,6 +13,7 @@ from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from queue import Empty, SimpleQueue
 from typing import Any
 
@@ -176,10 +177,12 @@ class _Round:
     def _gather(self, futures: Sequence[Any]) -> dict[Any, Any]:
         """Return the results of tasks, fetched together: one by one each takes a round trip. None where one fails."""
         finished = [future for future in futures if future.status == "finished"]
+        if len(finished) < 2:
+            return {}
         client, patience = self.cluster.client, 5 * self.options.interval
+        fetch = partial(client.gather, finished, asynchronous=True)
         with suppress(Exception):  # each is looked at by itself then
-            results = client.sync(client._gather, finished, callback_timeout=patience) if len(finished) > 1 else []
-            return dict(zip(finished, results, strict=False))
+            return dict(zip(finished, client.sync(fetch, callback_timeout=patience), strict=True))
         return {}
 
     def _received(self, future: Any, results: Mapping[Any, Any]) -> Iterator[tuple[int, Reply]]:

@@ -125,7 +125,7 @@ class Arm:
         return cls(
             name=name,
             joint_names=tuple(f"joint{i + 1}" for i in range(count)),
-            joint_types=_all_revolute(count),
+            joint_types=type_tuple(None, count),
             placements=tuple(Pose(np.array([x, 0.0, 0.0])) for x in (0.0, *length[:-1])),
             bodies=planar_bodies(masses, centers, inertias, count),
             tool=Pose(np.array([length[-1], 0.0, 0.0])),
@@ -170,7 +170,7 @@ class Arm:
         check_text("name", name)
         count = len(number_array("a", a, None))
         table = {k: number_array(k, v, count) for k, v in (("a", a), ("alpha", alpha), ("d", d), ("theta", theta))}
-        kinds = _all_revolute(count) if types is None else type_tuple(types, count)
+        kinds = type_tuple(types, count)
         bodies = body_tuple(masses, centers, inertias, count)
         placements, link_frames, tool = joint_placements(**table, convention=convention)
         if convention == "standard":
@@ -291,10 +291,6 @@ class Arm:
             wish = f"one of {', '.join(frames)} wanted, which {self.name} has"
             raise InvalidInput(f"frame: {wish}, got {shown(name)}{hint}")
         return frames[name]
-
-
-def _all_revolute(count: int) -> tuple[JointType, ...]:
-    return tuple[JointType, ...](["revolute"] * count)
 
 
 def check_arm(name: str, arm: object) -> None:

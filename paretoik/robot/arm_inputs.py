@@ -93,7 +93,9 @@ def joint_tuple(names: object, count: int) -> tuple[str, ...]:
 
 
 def type_tuple(types: object, count: int) -> tuple[JointType, ...]:
-    """Return types of joints; raises InvalidInput unless there are ``count`` that are known."""
+    """Return types of joints, all revolute for None; raises InvalidInput unless there are ``count`` that are known."""
+    if types is None:
+        return tuple[JointType, ...](["revolute"] * count)
     kinds = read_list("types", types, str, "a list of types of joints")
     if len(kinds) != count:
         raise InvalidInput(f"types wants {count} values, one a joint, got {len(kinds)}")

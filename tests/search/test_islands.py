@@ -20,9 +20,14 @@ NEVER = IslandOptions(epoch=10**6)
 
 def advance(search: Search | Islands) -> np.ndarray:
     """Evaluate one generation and return its genes."""
-    asked = search.ask()
-    search.tell(asked.ids, PROBLEM.evaluate(asked.X), np.empty((len(asked.X), 0)), H=np.empty((len(asked.X), 0)))
-    return asked.X
+    candidates = search.ask()
+    search.tell(
+        candidates.ids,
+        PROBLEM.evaluate(candidates.X),
+        np.empty((len(candidates.X), 0)),
+        H=np.empty((len(candidates.X), 0)),
+    )
+    return candidates.X
 
 
 def alone(island: int) -> Search:
@@ -36,19 +41,19 @@ def islands(options: IslandOptions) -> Islands:
 
 
 def test_islands_without_migration_are_so_many_searches():
-    searches, apart = [alone(i) for i in range(ISLANDS)], islands(NEVER)
+    searches, separate = [alone(i) for i in range(ISLANDS)], islands(NEVER)
     for _ in range(6):
-        assert np.array_equal(advance(apart), np.concatenate([advance(each) for each in searches]))
-    assert np.array_equal(apart.population, np.concatenate([each.population for each in searches]))
+        assert np.array_equal(advance(separate), np.concatenate([advance(each) for each in searches]))
+    assert np.array_equal(separate.population, np.concatenate([each.population for each in searches]))
     fronts = np.concatenate([each.archive.F for each in searches])
     best = fronts[[not ((fronts <= one).all(axis=1) & (fronts < one).any(axis=1)).any() for one in fronts]]
-    assert {*map(tuple, apart.archive.F)} == {*map(tuple, best)}
-    assert apart.evaluations == 6 * 8 * ISLANDS
+    assert {*map(tuple, separate.archive.F)} == {*map(tuple, best)}
+    assert separate.evaluations == 6 * 8 * ISLANDS
 
 
 def test_migration_changes_what_islands_come_to_from_the_first_epoch_on():
-    apart, together = islands(NEVER), islands(IslandOptions(epoch=4, share=0.25))
-    same = [np.array_equal(advance(apart), advance(together)) for _ in range(12)]
+    separate, together = islands(NEVER), islands(IslandOptions(epoch=4, share=0.25))
+    same = [np.array_equal(advance(separate), advance(together)) for _ in range(12)]
     assert same == [True] * 4 + [False] * 8
 
 
@@ -82,9 +87,9 @@ def test_ids_and_causes_are_those_of_the_rows_of_all_islands():
 
 def test_nobody_leaves_while_objectives_are_searched_alone():
     options = {"population": 8, "seed": 7, "anchors": 3}
-    apart = Islands(PROBLEM, ISLANDS, options=NEVER, **options)
+    separate = Islands(PROBLEM, ISLANDS, options=NEVER, **options)
     together = Islands(PROBLEM, ISLANDS, options=IslandOptions(epoch=2), **options)
-    same = [np.array_equal(advance(apart), advance(together)) for _ in range(8)]
+    same = [np.array_equal(advance(separate), advance(together)) for _ in range(8)]
     assert same == [True] * 6 + [False] * 2
 
 

@@ -36,13 +36,13 @@ def test_the_obstacle_the_link_and_the_sample_are_named_before_any_search(sample
 def test_it_is_said_where_every_motion_violates_the_clearance_and_only_there(seed):
     rng = np.random.default_rng(seed)
     middle = POINTS[int(rng.integers(len(POINTS)))] + rng.normal(size=2) * 0.03
-    radius, link_radius, wanted = (float(rng.uniform(0.001, 0.03)) for _ in range(3))
-    settings = {"link_radius": link_radius, "limits": pk.Limits(clearance=wanted)}
+    radius, link_radius, smallest = (float(rng.uniform(0.001, 0.03)) for _ in range(3))
+    settings = {"link_radius": link_radius, "limits": pk.Limits(clearance=smallest)}
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         problem = planar([pk.obstacles.Circle(middle, radius)], **settings)
     gap = float(np.linalg.norm(POINTS - middle, axis=1).min()) - radius - link_radius
-    assert bool(caught) == (gap < wanted)
+    assert bool(caught) == (gap < smallest)
     motions = problem.decode(problem.sample_starts(6, rng))
     distances = clearance(problem.task.obstacles, link_nodes(ARM, motions.q), link_radius).min(axis=-1)
     assert (distances <= gap + 1e-9).all()  # what the warning rests on: no motion is clearer than its tool

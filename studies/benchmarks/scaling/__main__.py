@@ -30,7 +30,7 @@ from paretoik.execution.shipping import pickled
 from studies.benchmarks.scaling.local_cluster import LocalCluster, local_cluster
 from studies.benchmarks.scaling.model import Overheads, fit_waiting
 from studies.benchmarks.scaling.runs import Spent, compute_here, compute_there, measuring, run_there
-from studies.benchmarks.scaling.work import load, motions_of, panda, search, sleep
+from studies.benchmarks.scaling.work import load, motions_of, panda_by_position, search, sleep
 from studies.reporting import Row, report, study_parser, tell
 
 WORKERS = 2
@@ -82,7 +82,7 @@ def warm_up(cluster: LocalCluster, executor: Cluster, generations: int) -> Itera
         ours=spent.workers / WORKERS,
         note="library and compiled code from the disk, and a search",
     )
-    problem = panda()
+    problem = panda_by_position()
     problem.program()
     shipped = pickled("a problem", problem)
     yield row(row="problem", column="shipped once", unit="kB", ours=len(shipped) / 1e3, note="a Panda's path")
@@ -106,7 +106,7 @@ def seeds(cluster: LocalCluster, executor: Cluster, options: ScalingOptions) -> 
 
 def starts(cluster: LocalCluster, executor: Cluster, options: ScalingOptions) -> Iterator[Row]:
     """Yield how a plan from so many starts on the cluster compares with that of one process, of one thread a core."""
-    problem = panda()
+    problem = panda_by_position()
     redundancy = problem.task.redundancy
     run = partial(pk.plan, problem, starts=options.starts // redundancy, seed=0, observe=False)
     run()  # what is compiled is loaded

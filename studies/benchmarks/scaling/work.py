@@ -9,6 +9,7 @@ import numpy as np
 import paretoik as pk
 from paretoik.arrays import Objectives
 from problems import tringali_2020
+from problems.panda import panda
 
 
 def search(generations: int, seed: int) -> Objectives:
@@ -27,11 +28,10 @@ def sleep(shared: None, seconds: float) -> None:
     time.sleep(seconds)
 
 
-def panda() -> pk.Tracking:
-    """Return a task of a 7-DOF arm, whose starts take some tenths of a second each."""
-    arm = pk.Arm.from_urdf("problems/robots/panda.urdf", base="panda_link0", tip="panda_hand_tcp")
+def panda_by_position() -> pk.Tracking:
+    """Return a task of a 7-DOF arm, whose starts take some hundredths of a second each."""
     path = pk.line([0.45, -0.25, 0.3], [0.45, 0.25, 0.3], duration=1.5, samples=51)
-    return pk.Tracking(arm, path, objectives=[pk.kinetic_energy])
+    return pk.Tracking(panda(), path, objectives=[pk.kinetic_energy])
 
 
 def motions_of(plan: pk.Plan) -> np.ndarray:

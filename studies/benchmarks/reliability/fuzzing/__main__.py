@@ -1,6 +1,6 @@
 """Files and command lines led by coverage: what readers of URDFs, run folders and command lines make of any bytes.
 
-    python -m studies.benchmarks.reliability.fuzzing [--seconds N] [--targets urdf runs commands] [--crashes FOLDER]
+    python -m studies.benchmarks.reliability.fuzzing [--seconds N] [--targets urdf folders commands] [--crashes FOLDER]
 
 Each target is fuzzed so long, from the inputs in tests/fuzzing/corpus on. Every new kind of defect is a line with the
 file that it is kept in: copied into the corpus, it is a test. Atheris is wanted (pip install ".[bench]").
@@ -18,23 +18,25 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from studies.benchmarks.reliability.fuzzing.corpus import TARGETS, inputs
+from studies.benchmarks.reliability.fuzzing.options import OPTIONS
 from studies.reporting import Row, report, study_parser, tell
 
 WORKER = "studies.benchmarks.reliability.fuzzing.worker"
 UNITS = re.compile(r"stat::number_of_executed_units:\s*(\d+)")
-QUICK = 10  # seconds
 
 
 def main() -> None:
     """Fuzz all targets in turn."""
-    parser = study_parser(__doc__ or "", quick=f"{QUICK} s a target")
-    parser.add_argument("--seconds", type=int, default=600, metavar="N", help="of each target (600)")
+    parser = study_parser(__doc__ or "", quick=f"{OPTIONS.quick} s a target")
+    parser.add_argument(
+        "--seconds", type=int, default=OPTIONS.seconds, metavar="N", help="of each target (%(default)s)"
+    )
     parser.add_argument("--targets", nargs="+", choices=TARGETS, default=list(TARGETS), metavar="TARGET")
     parser.add_argument("--crashes", type=Path, metavar="FOLDER", help="where inputs with defects are kept")
     arguments = parser.parse_args()
     if find_spec("atheris") is None:
         parser.error('atheris wanted (pip install ".[bench]"), got none')
-    seconds = QUICK if arguments.quick else arguments.seconds
+    seconds = OPTIONS.quick if arguments.quick else arguments.seconds
     crashes = arguments.crashes or Path(tempfile.mkdtemp(prefix="crashes-"))
     rows = [row for target in arguments.targets for row in _fuzz(target, seconds, crashes / target)]
     report(rows, json_file=arguments.json)

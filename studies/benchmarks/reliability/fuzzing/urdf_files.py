@@ -12,8 +12,7 @@ from paretoik.robot.arm import Arm
 from paretoik.robot.urdf import check_robot
 from paretoik.robot.urdf_reading import read_robot
 from studies.benchmarks.reliability.fuzzing.defect import Defect, check_message, refusals
-
-TIPS = 3  # leaves that chains are built to
+from studies.benchmarks.reliability.fuzzing.options import OPTIONS
 
 
 class UrdfFiles:
@@ -28,7 +27,7 @@ class UrdfFiles:
         with refusals(self._file.name):
             report = check_robot(self._file)
             _check_faults(report.faults)  # the report names the file
-            tips = [None] if report.faults else read_robot(self._file).leaves[:TIPS]
+            tips = [None] if report.faults else read_robot(self._file).leaves[: OPTIONS.tips]
             for tip in tips:
                 with refusals(self._file.name):
                     self._build(tip)

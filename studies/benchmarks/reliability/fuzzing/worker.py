@@ -11,6 +11,8 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+from studies.benchmarks.reliability.fuzzing.options import OPTIONS
+
 READERS = [
     "paretoik.cli",
     "paretoik.front",
@@ -27,7 +29,6 @@ READERS = [
     "typer",
 ]
 """What is traced: what reads bytes, and nothing that numba compiles."""
-HANG = 30  # seconds after which an input counts as one that never ends
 
 
 def main() -> None:
@@ -49,7 +50,8 @@ def main() -> None:
                 kinds.add(kind)
                 print(f"defect {keep(crashes, data)}: {defect}", flush=True)
 
-    options = [f"-max_total_time={seconds}", f"-timeout={HANG}", "-print_final_stats=1", "-max_len=8192"]
+    limits = [f"-max_total_time={seconds}", f"-timeout={OPTIONS.hang}", f"-max_len={OPTIONS.longest}"]
+    options = [*limits, "-print_final_stats=1"]
     files = [work, str(CORPUS / name)]
     atheris.Setup([sys.argv[0], *options, f"-artifact_prefix={crashes}/", "-verbosity=0", *files], once)
     atheris.Fuzz()

@@ -79,9 +79,9 @@ class Objects:
     def search(self) -> pk.Search:
         """A search that was told of its first points."""
         search = pk.Search(self.problem, population=8, seed=0)
-        asked = search.ask()
-        values = self.problem.evaluate(asked.X, return_as_dictionary=True)
-        search.tell(asked.ids, values["F"], values["G"])
+        candidates = search.ask()
+        values = self.problem.evaluate(candidates.X, return_as_dictionary=True)
+        search.tell(candidates.ids, values["F"], values["G"])
         return search
 
     @cached_property
