@@ -3,8 +3,8 @@
     python -m studies.benchmarks.scaling [--quick] [--json FILE]
 
 The cluster is started as users start it, on this machine. Efficiency by processor is what this process computes
-alone, divided by what client, scheduler and workers compute for the same, warm workers; by clock it is the time alone
-divided by twice that of two workers. Half of what is done alone is done before, half after, as others may use the
+alone, divided by what client, scheduler and workers compute for the same, warm workers; by clock it is the time alone,
+times the cores that it has, divided by twice that of two workers. Half of what is done alone is done before, half after, as others may use the
 machine too. Overheads of a task are measured with tasks that do nothing, waiting with tasks that sleep, both with two
 workers; the model that has them predicts what more workers than there are cores take for tasks that sleep.
 """
@@ -100,7 +100,7 @@ def seeds(cluster: LocalCluster, executor: Cluster, options: ScalingOptions) -> 
     alone = Spent(wall=before.wall + after.wall, client=before.client + after.client)
     same = sum(np.array_equal(one, other) for one, other in zip([*first, *second], there, strict=True))
     size = np.mean([len(cloudpickle.dumps(each)) for each in there])
-    yield from compared(f"{options.seeds} seeds", alone, spent, options.seeds, same, options.seeds)
+    yield from compared(f"{options.seeds} seeds", alone, spent, options.seeds, same, cores=1)
     yield Row(table="what a worker costs", row="seed", column="result", unit="kB", ours=float(size) / 1e3)
 
 
@@ -118,11 +118,12 @@ def starts(cluster: LocalCluster, executor: Cluster, options: ScalingOptions) ->
         run()
     mean = Spent(wall=(before.wall + after.wall) / 2, client=(before.client + after.client) / 2)
     same = np.array_equal(motions_of(alone), motions_of(there))
-    yield from compared(f"{options.starts} starts", mean, spent, options.starts, same * options.starts, options.starts)
+    cores = os.cpu_count() or 1
+    yield from compared(f"{options.starts} starts", mean, spent, options.starts, same * options.starts, cores=cores)
 
 
-def compared(name: str, alone: Spent, there: Spent, tasks: int, same: int, total: int) -> Iterator[Row]:
-    """Yield rows of what this process takes alone, what a cluster takes, and its efficiency."""
+def compared(name: str, alone: Spent, there: Spent, tasks: int, same: int, *, cores: int) -> Iterator[Row]:
+    """Yield rows of what this process takes alone, on so many cores, what a cluster takes, and its efficiency."""
     row = partial(Row, table="two workers against one process", row=name)
     yield row(column="alone", unit="CPU s", ours=alone.processor, note=f"{alone.processor / tasks:.2g} s each")
     parts = f"client {there.client:.3g}, scheduler {there.scheduler:.3g}, workers {there.workers:.3g}"
@@ -131,8 +132,8 @@ def compared(name: str, alone: Spent, there: Spent, tasks: int, same: int, total
     yield row(column="efficiency by processor", unit="", ours=efficiency, reference=0.8, source="goal, at least")
     yield row(column="alone", unit="s", ours=alone.wall)
     yield row(column="cluster", unit="s", ours=there.wall)
-    yield row(column="efficiency by clock", unit="", ours=alone.wall / (WORKERS * there.wall), note=busy())
-    yield row(column="same, bit for bit", unit="", ours=same, reference=total, source="all")
+    yield row(column="efficiency by clock", unit="", ours=cores * alone.wall / (WORKERS * there.wall), note=busy())
+    yield row(column="same, bit for bit", unit="", ours=same, reference=tasks, source="all")
 
 
 def overheads(cluster: LocalCluster, executor: Cluster, options: ScalingOptions) -> Overheads:
