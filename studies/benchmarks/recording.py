@@ -10,18 +10,17 @@ so do their ratios.
 from __future__ import annotations
 
 import json
-import subprocess
 import sys
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from studies.benchmarks.checkouts import ROOT
+from studies.benchmarks.resident_memory import PeakMemory, run_watched
 from studies.reporting import Row, report, study_parser, tell
 
 MEGABYTE = 1e6
 RUN = """
-import json, resource, sys, time
+import json, sys, time
 from pathlib import Path
 import paretoik as pk
 from paretoik.api.run_session import RunSession
@@ -30,7 +29,7 @@ from paretoik.review.recording.recorder import Recorder
 from pymoo.problems import get_problem
 
 generations, out, records = int(sys.argv[1]), sys.argv[2], sys.argv[3] == "True"
-spent, longest, child = [], 0, 0
+spent, longest = [], 0
 start, show, finish = RunSession.start, FrontSearch._show, Recorder.finish
 
 def opened(session, **scene):
@@ -48,9 +47,7 @@ def timed(search, session, progress):  # without an observer there is no other r
     longest = max(longest, file.stat().st_size if file.exists() else 0)
 
 def measured(recorder, end):
-    global child, finishing
-    status = Path(f"/proc/{recorder._process._child.pid}/status").read_text()
-    child = 1024 * int(status.partition("VmHWM:")[2].split()[0])
+    global finishing
     started = time.perf_counter()
     finish(recorder, end)
     finishing = time.perf_counter() - started
@@ -65,9 +62,9 @@ front = pk.solve(
 )
 print(json.dumps({
     "clock": time.perf_counter() - clock - finishing, "processor": time.process_time() - processor,
-    "finishing": finishing, "recording": sum(spent), "longest": longest, "child": child,
+    "finishing": finishing, "recording": sum(spent), "longest": longest,
     "size": Path(out, "review.rrd").stat().st_size if records else 0,
-    "parent": 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, "front": front.objectives.tolist(),
+    "front": front.objectives.tolist(),
 }))
 """
 GOALS = {"size": 50.0, "overhead": 2.0}  # MB, % of a run
@@ -75,7 +72,10 @@ GOALS = {"size": 50.0, "overhead": 2.0}  # MB, % of a run
 
 @dataclass(frozen=True, kw_only=True)
 class Cost:
-    """A run: seconds of clock and processor, these for the recording, of finishing the file; sizes [bytes]; front."""
+    """A run: seconds of clock and processor, these for the recording, of finishing the file; sizes [bytes]; front.
+
+    ``peak`` is the memory of the run and of the process that records, to the end of both.
+    """
 
     clock: float
     processor: float
@@ -83,21 +83,15 @@ class Cost:
     finishing: float
     size: int
     longest: int
-    parent: int
-    child: int
+    peak: PeakMemory
     front: list[list[float]]
 
 
 def run(generations: int, *, records: bool) -> Cost:
     """Return what a run with a folder costs in a process of its own, with or without a recording."""
     with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, "-c", RUN, str(generations), folder, str(records)]
-        return _cost(command)
-
-
-def _cost(command: Sequence[str]) -> Cost:
-    ended = subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True)
-    return Cost(**json.loads(ended.stdout.splitlines()[-1]))
+        printed, peak = run_watched([sys.executable, "-c", RUN, str(generations), folder, str(records)])
+        return Cost(**json.loads(printed.splitlines()[-1]), peak=peak)
 
 
 def tabulate(generations: int, pairs: Sequence[tuple[Cost, Cost]]) -> list[Row]:
@@ -133,8 +127,8 @@ def tabulate(generations: int, pairs: Sequence[tuple[Cost, Cost]]) -> list[Row]:
         row("processor time with a recording", "s", first.processor, without[0].processor, "without"),
         row("recording a generation", "ms", 1e3 * first.recording / generations),
         row("completing the file", "s", first.finishing),
-        row("memory of the run", "MB", first.parent / MEGABYTE, without[0].parent / MEGABYTE, "without"),
-        row("memory of the process that records", "MB", first.child / MEGABYTE),
+        row("memory of the run", "MB", first.peak.run / MEGABYTE, without[0].peak.run / MEGABYTE, "without"),
+        row("memory of the process that records", "MB", first.peak.recorder / MEGABYTE, note="completing the file too"),
         row("same front", "", float(same), 1.0, "goal", "to the bit, of the same seed"),
     ]
     return [*sorted(goals, key=lambda each: each.ours <= (each.reference or 0.0)), *others]

@@ -4,9 +4,10 @@
 
 The cluster is started as users start it, on this machine. Efficiency by processor is what this process computes
 alone, divided by what client, scheduler and workers compute for the same, warm workers; by clock it is the time alone,
-times the cores that it has, divided by twice that of two workers. Half of what is done alone is done before, half after, as others may use the
-machine too. Overheads of a task are measured with tasks that do nothing, waiting with tasks that sleep, both with two
-workers; the model that has them predicts what more workers than there are cores take for tasks that sleep.
+times the cores that it has, divided by twice that of two workers. Half of what is done alone is done before, half
+after, as others may use the machine too. Overheads of a task are measured with tasks that do nothing, waiting with
+tasks that sleep, both with two workers; the model that has them predicts what more workers than there are cores take
+for tasks that sleep.
 """
 
 from __future__ import annotations
