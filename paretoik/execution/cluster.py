@@ -71,11 +71,8 @@ class Cluster:
             raise InvalidInput(f"cluster: a Dask scheduler at {address} wanted, got {fact}") from error
         self.run, self.tasks = uuid.uuid4().hex, 0
         self.threads = sum(self.client.nthreads().values())
-        self._shared: tuple[Any, bytes, Any] = (
-            None,
-            b"",
-            None,
-        )  # as it is, as bytes, and where it is with the scheduler
+        # As it is, as bytes, and where it is with the scheduler.
+        self._shared: tuple[Any, bytes, Any] = None, b"", None
         self._warnings: set[str] = set()
 
     @property
@@ -112,6 +109,22 @@ class Cluster:
             self._shared = shared, content, future
         return future
 
+    def spread(self) -> bool:
+        """Let every worker have the shared object; say whether tasks can be sent.
+
+        Dask gives a task to those who have what it needs, and moves it to others by how long such tasks took before:
+        with one owner the workers may begin one by one, each a task later than the one before.
+        """
+        future = self.shared()
+        if future.status == "pending":
+            with suppress(Exception):  # it is looked at again
+                future.result(timeout=self.options.interval)
+        if future.status == "finished":
+            with suppress(Exception):  # where a worker goes meanwhile; those that have it do what there is
+                spread = partial(self.client.replicate, [future], asynchronous=True)
+                self.client.sync(spread, callback_timeout=self.options.connection)
+        return future.status != "pending"  # what failed fails with the tasks that need it
+
     def tell(self, text: str) -> None:
         """Warn of something, once."""
         if text not in self._warnings:
@@ -130,6 +143,7 @@ class _Round:
         self.running = dict[Any, list[int]]()
         self.ended: SimpleQueue[Any] = SimpleQueue()
         self.answered, self.computed = 0, 0.0
+        self.owners = 0  # threads that there were when the shared object was last spread
 
     def replies(self) -> Iterator[tuple[int, Reply]]:
         self.watch.count_threads()
@@ -147,6 +161,10 @@ class _Round:
         """Send tasks as far ahead as they go; those with whom workers ended one by one, when all others are done."""
         if self.cluster.client.status != "running":  # the scheduler is waited for
             return
+        if self.owners != self.cluster.threads:
+            if not self.cluster.spread():
+                return
+            self.owners = self.cluster.threads
         while self.pending and len(self.running) < self.options.ahead * self.cluster.workers:
             seconds = self.options.portion + self.options.overhead * self.cluster.workers
             portion = int(seconds * self.answered / self.computed) if self.computed else 1

@@ -39,6 +39,14 @@ def test_every_item_has_its_reply_whichever_worker_it_comes_from(cluster):
     assert len(set(values(cluster.replies(work.process, None, range(40))).values())) == 2
 
 
+def test_all_workers_begin_at_once_whatever_tasks_took_before(tmp_path):
+    with local_cluster(tmp_path, 5) as running, closing(Cluster(running.address)) as cluster:
+        assert wait_until(lambda: len(cluster.client.nthreads()) == 5, 60.0)
+        cluster.options = replace(OPTIONS, portion=0.0, overhead=0.0)  # an item a task
+        assert len(values(cluster.replies(work.scaled, 0.1, range(50)))) == 50  # too short to be moved to others
+        assert values(cluster.replies(work.meet, str(tmp_path), [5] * 5)) == dict.fromkeys(range(5), 5)
+
+
 def test_what_a_function_raises_comes_back_and_the_others_go_on(cluster):
     replies = dict(cluster.replies(work.refuse, None, range(6)))
     assert [type(replies[i]) for i in range(6)] == [Done, Raised] * 3

@@ -93,3 +93,13 @@ def surroundings(shared: object, item: object) -> dict[str, object]:
 
 if __name__ == "__main__":
     list(WorkerProcesses(2).replies(wait_in_folder, sys.argv[1], [0, 1]))
+
+
+def meet(folder: str, items: int) -> int:
+    """Return once so many items have begun, this one among them, or raise where they do not."""
+    Path(folder, f"begun-{os.getpid()}").touch()
+    for _ in range(200):
+        if len(list(Path(folder).glob("begun-*"))) == items:
+            return items
+        time.sleep(0.05)
+    raise AssertionError("others do not begin")

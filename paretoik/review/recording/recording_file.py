@@ -52,9 +52,10 @@ class Parent(Protocol):
 class Stream(rr.RecordingStream):
     """A stream that lets it be known whenever something is logged."""
 
-    def __init__(self, application: str, beat: Callable[[], None]) -> None:
-        # Many small chunks make large files: what is logged is flushed by hand, or when there is much of it.
-        super().__init__(application, batcher_config=rr.ChunkBatcherConfig(flush_tick=3600.0))
+    def __init__(self, application: str, beat: Callable[[], None], batch: int) -> None:
+        # Many small chunks make large files: what is logged is flushed by hand, or when there are so many bytes of it.
+        batcher = rr.ChunkBatcherConfig(flush_tick=3600.0, flush_num_bytes=batch)
+        super().__init__(application, batcher_config=batcher)
         self._beat = beat
 
     def log(self, *arguments: Any, **settings: Any) -> None:
@@ -138,7 +139,7 @@ class RecordingFile:
         # The viewer keeps one layout an application, and each run needs its own.
         application = f"{self._opening.title} in {self._file.resolve().parent.name}"
         name = re.sub(r"[^A-Za-z0-9_-]+", "-", application).strip("-")
-        stream = Stream(name, self._parent.beat)
+        stream = Stream(name, self._parent.beat, self._options.batch)
         stream.set_sinks(rr.FileSink(f"/dev/fd/{file}"), *(() if self._live is None else (self._live.sink(),)))
         stream.send_recording_name(self._opening.title)
         module, _, drawing = self._opening.scene.drawn_by.partition(":")

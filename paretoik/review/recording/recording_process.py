@@ -39,8 +39,10 @@ class RecorderOptions:
     messages without an answer; a full or hanging disk is noticed by that. ``queue`` is how many bytes may wait for the
     child and ``pipe`` how many of them in the kernel. Above ``size`` bytes of the file every second message of a series
     is dropped, and at its end ``reserve`` bytes stay free on the disk: on a full one Rerun may hang. Of a front at most
-    ``points`` are drawn. What was recorded is written at least every ``flush`` [s]. Every ``tick`` [s] the child looks
-    after its parent, the viewer, and what is not yet written; the run comes first by so much ``niceness``.
+    ``points`` are drawn. What was recorded is written at least every ``flush`` [s], and whenever there are ``batch``
+    bytes of it: in memory Rerun's rows take many times their size, while writing fewer at a time makes a larger file.
+    Every ``tick`` [s] the child looks after its parent, the viewer, and what is not yet written; the run comes first by
+    so much ``niceness``.
     """
 
     start: float = 60.0
@@ -51,6 +53,7 @@ class RecorderOptions:
     reserve: int = 2_000_000
     points: int = 400
     flush: float = 0.5
+    batch: int = 300_000
     tick: float = 0.25
     niceness: int = 5
 
