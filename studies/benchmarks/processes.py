@@ -1,83 +1,131 @@
-"""Many runs over seeds, a process a core; whoever interrupts them keeps the seeds that are done."""
+"""Many runs over seeds, a process a core or on a Dask cluster; whoever interrupts them has the seeds that are done."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Future
-from contextlib import contextmanager
-from functools import partial
-from multiprocessing import get_context
+import pickle
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager
+from dataclasses import replace
 from typing import Any, TypeVar
 
-from pebble import ProcessExpired, ProcessPool
 from rich.console import Console
 from rich.progress import track
 
+from paretoik.distribution import Done, Executor, Raised, Reply
+from paretoik.execution.worker_processes import WorkerProcesses
 from studies.reporting import tell
 
 Key = TypeVar("Key", bound=tuple[str, ...])
-Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 CORES = os.cpu_count() or 1
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+CLUSTER = "address of a Dask scheduler, as tcp://HOST:PORT, whose workers compute in place of this machine"
 
 
 @contextmanager
-def processes() -> Iterator[ProcessPool]:
-    """Yield a pool of one process a core, each of which computes on one thread."""
-    for name in THREADS:
-        os.environ.setdefault(name, "1")
-    with ProcessPool(CORES, context=get_context("spawn")) as pool:
-        yield pool
+def processes(cluster: str | None = None) -> Iterator[Executor]:
+    """Yield one process a core, each of which computes on one thread, or the workers of a Dask cluster at an address.
+
+    Workers of a cluster import the studies and the peers: they are started at the root of a checkout with the extra
+    ``bench``, and are like this machine where times are compared.
+    """
+    if cluster is None:
+        with closing(WorkerProcesses(CORES)) as here:
+            yield here
+        return
+    from paretoik.execution.cluster import OPTIONS, Cluster  # here: it takes Dask
+
+    with closing(Cluster(cluster, replace(OPTIONS, portion=0.0, overhead=0.0))) as there:  # a run a task
+        yield there
 
 
 def run_seeds(
-    pool: ProcessPool,
+    executor: Executor,
     work: Callable[..., Result],
     arguments: Callable[[int], Mapping[Key, Sequence[Any]]],
     seeds: int,
     *,
     limit: float,
     empty: Callable[[Key], Result],
+    load: Callable[[Key, int], Result | None] = lambda key, seed: None,
+    save: Callable[[Key, int, Result], None] = lambda key, seed, result: None,
 ) -> dict[Key, list[Result]]:
     """Return the results of ``work(*arguments(seed)[key])`` of every seed by key, seeds outermost.
 
+    What ``load(key, seed)`` has is not computed, and what is computed is given to ``save(key, seed, result)`` at once.
     What crashes, or does not end within ``limit`` seconds, counts as ``empty(key)``. Interrupted, it returns the seeds
     that are done; nobody would wait hours to see nothing.
     """
-    results: dict[Key, list[Result]] = {}
+    results: list[dict[Key, Result]] = [{} for _ in range(seeds)]
+    jobs, items = list[tuple[int, Key]](), list[bytes]()
+    for seed, found in enumerate(results):
+        for key, args in arguments(seed).items():
+            stored = load(key, seed)
+            if stored is None:
+                jobs.append((seed, key))
+                items.append(_job(work, args))
+            else:
+                found[key] = stored
+    missing = Counter(seed for seed, _ in jobs)
     try:
-        for seed in range(seeds):
-            jobs = {key: pool.schedule(work, args=args, timeout=limit) for key, args in arguments(seed).items()}
-            bar = _bar(jobs.items(), f"seed {seed + 1} of {seeds}")
-            ended = {key: _ended(job, partial(empty, key), (*key, f"seed {seed}"), limit) for key, job in bar}
-            for key, result in ended.items():
-                results.setdefault(key, []).append(result)
-            tell(f"seed {seed + 1} of {seeds}: done")
+        for place, reply in _bar(executor.replies(call, None, items, seconds=limit), len(items)):
+            seed, key = jobs[place]
+            if isinstance(reply, Done):
+                results[seed][key] = reply.value
+                save(key, seed, reply.value)
+            else:
+                tell(f"{', '.join((*key, f'seed {seed}'))}: {_fault(reply)}: counted as empty")
+                results[seed][key] = empty(key)
+            missing[seed] -= 1
+            if not missing[seed]:
+                tell(f"seed {seed + 1} of {seeds}: done")
     except KeyboardInterrupt:
-        pool.stop()  # type: ignore[no-untyped-call]
-        tell(f"interrupted in seed {seed + 1} of {seeds}: the seeds before it are judged")
-    return results
+        tell(f"interrupted: {sum(not missing[seed] for seed in range(seeds))} of {seeds} seeds are done, and judged")
+    whole: dict[Key, list[Result]] = {}
+    for seed, found in enumerate(results):
+        if not missing[seed]:
+            for key, result in found.items():
+                whole.setdefault(key, []).append(result)
+    return whole
 
 
-def _bar(items: Iterable[Item], text: str) -> Iterable[Item]:
+def run_each(
+    executor: Executor, work: Callable[..., Result], arguments: Mapping[Key, Sequence[Any]]
+) -> dict[Key, Result]:
+    """Return ``work(*arguments[key])`` by key. Raises SystemExit where one crashes, and what one raises."""
+    keys, items = list(arguments), [_job(work, args) for args in arguments.values()]
+    results: dict[Key, Result] = {}
+    for place, reply in executor.replies(call, None, items, seconds=None):
+        if isinstance(reply, Raised):
+            raise reply.error
+        if not isinstance(reply, Done):
+            raise SystemExit(f"{', '.join(keys[place])}: {_fault(reply)}")
+        results[keys[place]] = reply.value
+    return {key: results[key] for key in keys}
+
+
+def call(_: None, job: bytes) -> Any:
+    """Call a function with its arguments: both are sent by name, for processes that remember what they have made."""
+    work, args = pickle.loads(job)
+    return work(*args)
+
+
+def _job(work: Callable[..., Any], args: Sequence[Any]) -> bytes:
+    return pickle.dumps((work, tuple(args)))
+
+
+def _bar(replies: Iterator[tuple[int, Reply]], total: int) -> Iterator[tuple[int, Reply]]:
     console = Console(stderr=True)
-    return track(items, text, console=console, transient=True, disable=not console.is_terminal)
+    yield from track(replies, "runs", total=total, console=console, transient=True, disable=not console.is_terminal)
 
 
-def _ended(job: Future[Result], empty: Callable[[], Result], what: Sequence[str], limit: float) -> Result:
-    try:
-        return job.result()
-    except TimeoutError:
-        why = f"did not end within {limit:g} s"
-    except ProcessExpired:
-        why = "crashed"
-    except Exception as fault:  # a peer may raise anything: hours of others' runs are not lost for it
-        why = f"raised {type(fault).__name__}: {fault}"
-    tell(f"{', '.join(what)} {why}: counted as empty")
-    return empty()
+def _fault(reply: Reply) -> str:
+    """Return why there is no value."""
+    if isinstance(reply, Raised):  # a peer may raise anything: hours of others' runs are not lost for it
+        return f"raised {type(reply.error).__name__}: {reply.error}"
+    return getattr(reply, "cause", "")
 
 
 def rotated(names: Sequence[str], turns: int) -> list[str]:

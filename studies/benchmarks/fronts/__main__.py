@@ -31,6 +31,7 @@ from studies.benchmarks.fronts.judging import (
 from studies.benchmarks.fronts.methods import PYGMO
 from studies.benchmarks.fronts.running import KINDS, Found, run_all
 from studies.benchmarks.planner.compiling import COMPILER
+from studies.benchmarks.processes import CLUSTER
 from studies.benchmarks.significance import union
 from studies.reporting import Row, report, study_parser
 
@@ -78,6 +79,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--seeds", type=int, help="runs of each method (31; 3 with --quick)")
     parser.add_argument("--problems", nargs="+", choices=list(CASES), metavar="NAME", help="only these problems")
     parser.add_argument("--evaluations", type=int, help="equal evaluations, in place of each problem's own")
+    parser.add_argument("--cluster", metavar="ADDRESS", help=f"{CLUSTER}; its workers see this machine's files")
     options = parser.parse_args(arguments)
     seeds = options.seeds if options.seeds is not None else 3 if options.quick else 31
     if seeds < 2:
@@ -90,7 +92,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if options.quick:
         print(f"quick: {', '.join(chosen)} only, {evaluations} evaluations, {seeds} seeds: too few to prove much")
         print("quick: FATROP and IPOPT with CasADi's own evaluation, not compiled")
-    results = run_all(chosen, KINDS, seeds, evaluations, compiling=not options.quick)
+    results = run_all(chosen, KINDS, seeds, evaluations, compiling=not options.quick, cluster=options.cluster)
     if min((len(runs) for each in results.values() for runs in each.values()), default=0) < 2:
         parser.exit(1, "interrupted before two seeds were done: nothing to judge\n")
     report(rows_of(results), json_file=options.json)

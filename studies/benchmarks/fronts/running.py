@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import Future
 from functools import lru_cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, TypeAlias
 
 import numpy as np
-from pebble import ProcessExpired, ProcessPool
 
+from paretoik.distribution import Executor
 from studies.benchmarks.fronts.cases import CASES, POPULATION, Budget, Kind, Run, problem_of
 from studies.benchmarks.fronts.methods import CELLS, OURS, PLAIN, PYGMO, PYMOO, cell_run, ours, pygmo_run, pymoo_run
 from studies.benchmarks.fronts.sweeps import OURS as EPSILON
 from studies.benchmarks.fronts.sweeps import SOLVERS, Form, epsilon_run, form_of
-from studies.benchmarks.processes import processes, rotated, run_seeds
+from studies.benchmarks.processes import processes, rotated, run_each, run_seeds
 from studies.reporting import tell
 
 Found: TypeAlias = dict[tuple[str, Kind], dict[str, list[Run]]]  # runs of every seed by method, case and budget
-Result = TypeVar("Result")
 
 KINDS: tuple[Kind, ...] = ("evaluations", "CPU time")
 LIMIT = 600.0  # seconds after which a run, which takes some ten, counts as one that found nothing
@@ -59,13 +57,19 @@ def _run(case: str, name: str, seed: int, budget: Budget, evaluations: int, form
 
 
 def run_all(
-    chosen: Sequence[str], kinds: Sequence[Kind], seeds: int, evaluations: int | None = None, *, compiling: bool = True
+    chosen: Sequence[str],
+    kinds: Sequence[Kind],
+    seeds: int,
+    evaluations: int | None = None,
+    *,
+    compiling: bool = True,
+    cluster: str | None = None,
 ) -> Found:
     """Run everything, seeds outermost and the order of methods turning, a process a core."""
     sizes = {case: evaluations or CASES[case].evaluations for case in chosen}
-    with TemporaryDirectory() as folder, processes() as pool:
-        forms = _forms(pool, chosen, Path(folder) if compiling else None)
-        budgets = {case: _budgets(pool, case, sizes[case], kinds) for case in chosen}
+    with TemporaryDirectory() as folder, processes(cluster) as executor:
+        forms = _forms(executor, chosen, Path(folder) if compiling else None)
+        budgets = {case: _budgets(executor, case, sizes[case], kinds) for case in chosen}
 
         def arguments(seed: int) -> dict[tuple[str, str, Kind], list[Any]]:
             return {
@@ -75,7 +79,7 @@ def run_all(
                 for kind, budget in budgets[case].items()
             }
 
-        every = run_seeds(pool, run, arguments, seeds, limit=LIMIT, empty=lambda key: empty_run(key[0]))
+        every = run_seeds(executor, run, arguments, seeds, limit=LIMIT, empty=lambda key: empty_run(key[0]))
     results: Found = {}
     for (case, name, kind), runs in every.items():
         results.setdefault((case, kind), {})[name] = runs
@@ -88,31 +92,19 @@ def empty_run(case: str) -> Run:
     return Run(F=F, failed=0, evaluations=0, iterations=0, seconds=0.0)
 
 
-def _forms(pool: ProcessPool, chosen: Sequence[str], folder: Path | None) -> dict[tuple[str, str], Form]:
-    builds = {
-        (case, name): pool.schedule(form_of, args=[name, case, folder])
-        for case in chosen
-        for name in methods_of(case)
-        if name in SOLVERS
-    }
-    forms = {which: _done(work, f"building {which[1]} for {which[0]}") for which, work in builds.items()}
+def _forms(executor: Executor, chosen: Sequence[str], folder: Path | None) -> dict[tuple[str, str], Form]:
+    builds = {(case, name): [name, case, folder] for case in chosen for name in methods_of(case) if name in SOLVERS}
+    forms = run_each(executor, form_of, builds)
     tell("peers: built")
     return forms
 
 
-def _done(work: Future[Result], what: str) -> Result:
-    try:
-        return work.result()
-    except ProcessExpired:
-        raise SystemExit(f"{what} crashed") from None
-
-
-def _budgets(pool: ProcessPool, case: str, evaluations: int, kinds: Sequence[Kind]) -> dict[Kind, Budget]:
+def _budgets(executor: Executor, case: str, evaluations: int, kinds: Sequence[Kind]) -> dict[Kind, Budget]:
     same = Budget(kind="evaluations", amount=evaluations)
     budgets: dict[Kind, Budget] = {"evaluations": same}
     if "CPU time" in kinds:
-        works = [pool.schedule(run, args=[case, PYMOO[0], seed, same, evaluations]) for seed in range(3)]
-        taken = [_done(work, f"{PYMOO[0]} on {case}").seconds for work in works]
+        runs = {(PYMOO[0], case, f"seed {seed}"): [case, PYMOO[0], seed, same, evaluations] for seed in range(3)}
+        taken = [done.seconds for done in run_each(executor, run, runs).values()]
         budgets["CPU time"] = Budget(kind="CPU time", amount=float(np.median(taken)))
         tell(f"{case}: {evaluations} evaluations, {budgets['CPU time'].amount:.2f} s")
     return budgets

@@ -33,6 +33,7 @@ from studies.benchmarks.maximin.cases import BIOBJECTIVE, COCO, Case, cases
 from studies.benchmarks.maximin.interleaved_runs import run_all
 from studies.benchmarks.maximin.judging import comparison_rows, cost_rows, goal_rows, judge
 from studies.benchmarks.maximin.methods import CROWDING, HYPERVOLUME, LEFT_OUT
+from studies.benchmarks.processes import CLUSTER
 from studies.benchmarks.pymoo_peers import PEERS
 from studies.reporting import report, study_parser
 
@@ -71,6 +72,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     beside.add_argument("--peers", nargs="+", choices=PEERS, metavar="NAME", help=f"some of {', '.join(PEERS)} alone")
     parser.add_argument("--fronts", type=Path, metavar="FOLDER", help="keep the union fronts here and add to them")
     parser.add_argument("--runs", type=Path, metavar="FOLDER", help="keep every run here, and read what is there")
+    parser.add_argument("--cluster", metavar="ADDRESS", help=CLUSTER)
     options = parser.parse_args(arguments)
     seeds = options.seeds if options.seeds is not None else (11 if options.quick else 31)
     if seeds < 2:
@@ -80,7 +82,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if peers is not None:
         chosen = [replace(case, peers=tuple(peers)) for case in chosen]
     tell_left_out(chosen, quick=options.quick)
-    runs = run_all(chosen, seeds, options.runs)
+    runs = run_all(chosen, seeds, options.runs, cluster=options.cluster)
     if min((len(each) for each in runs.values()), default=0) < 2:
         parser.exit(1, "interrupted before two seeds were done: nothing to judge\n")
     judged = judge(runs, chosen, options.fronts)

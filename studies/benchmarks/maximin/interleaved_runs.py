@@ -20,34 +20,34 @@ LIMIT = 600.0  # seconds after which a run, which takes some ten, counts as one 
 Runs: TypeAlias = dict[tuple[str, str], list[Run]]  # of every seed by problem and method
 
 
-def run(case_name: str, name: str, seed: int, generations: int, folder: Path | None) -> Run:
-    """Run one method once, or read what ``folder`` has of it; by names so that it can happen in another process."""
-    if folder is None:
-        return run_once(case_name, name, seed, generations)
-    file = stored_run(folder, case_name, name, seed, generations)
-    stored = load_run(file)
-    if stored is not None:
-        return stored
-    result = run_once(case_name, name, seed, generations)
-    save_run(file, result)
-    return result
-
-
-def run_all(chosen: Sequence[Case], seeds: int, folder: Path | None = None) -> Runs:
+def run_all(chosen: Sequence[Case], seeds: int, folder: Path | None = None, *, cluster: str | None = None) -> Runs:
     """Run every method on every case, seeds outermost and the order of methods turning; runs in ``folder`` are read."""
+    shape = {case.name: (case.generations, case.n_obj) for case in chosen}
 
     def arguments(seed: int) -> dict[tuple[str, str], list[Any]]:
         return {
-            (case.name, name): [case.name, name, seed, case.generations, folder]
+            (case.name, name): [case.name, name, seed, case.generations]
             for case in chosen
             for name in rotated(methods_of(case), seed)
         }
 
-    sizes = {case.name: case.n_obj for case in chosen}
-    with processes() as pool:
-        return run_seeds(
-            pool, run, arguments, seeds, limit=LIMIT, empty=lambda key: Run(np.empty((0, sizes[key[0]])), LIMIT)
-        )
+    def file(key: tuple[str, str], seed: int) -> Path | None:
+        return None if folder is None else stored_run(folder, *key, seed, shape[key[0]][0])
+
+    def load(key: tuple[str, str], seed: int) -> Run | None:
+        place = file(key, seed)
+        return None if place is None else load_run(place)
+
+    def save(key: tuple[str, str], seed: int, result: Run) -> None:
+        place = file(key, seed)
+        if place is not None:
+            save_run(place, result)
+
+    def empty(key: tuple[str, str]) -> Run:
+        return Run(np.empty((0, shape[key[0]][1])), LIMIT)
+
+    with processes(cluster) as executor:
+        return run_seeds(executor, run_once, arguments, seeds, limit=LIMIT, empty=empty, load=load, save=save)
 
 
 def evaluations(case: Case) -> int:

@@ -2,35 +2,27 @@
 
 from __future__ import annotations
 
-from concurrent.futures import Future
-
 import pytest
 
+from paretoik.execution.worker import compute
 from studies.benchmarks import processes
 
 
 class Here:
-    """A pool that runs at once, in this process."""
+    """An executor that computes in this process."""
 
-    def __init__(self, *_, **__):
+    def __init__(self, workers):
+        self.workers = workers
+
+    def close(self):
         pass
 
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        pass
-
-    def stop(self):
-        pass
-
-    def schedule(self, work, args, timeout=None):
-        done = Future()
-        done.set_result(work(*args))
-        return done
+    def replies(self, function, shared, items, *, seconds):
+        for place, item in enumerate(items):
+            yield place, compute(function, shared, item)
 
 
 @pytest.fixture
 def here(monkeypatch):
     """Run in this process what benchmarks run in others."""
-    monkeypatch.setattr(processes, "ProcessPool", Here)
+    monkeypatch.setattr(processes, "WorkerProcesses", Here)

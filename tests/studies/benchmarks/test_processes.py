@@ -1,45 +1,101 @@
-"""Runs in other processes: those that fail, and those that are interrupted."""
+"""Runs in other processes: those that fail, those that are stored, those that are interrupted, those of a cluster."""
 
 from __future__ import annotations
 
 import os
 import time
-from multiprocessing import get_context
+from contextlib import closing
 
 import pytest
-from pebble import ProcessPool
 
+from paretoik.execution.worker_processes import WorkerOptions, WorkerProcesses
 from studies.benchmarks import processes
+from studies.benchmarks.scaling.local_cluster import local_cluster
+
+
+def square(seed):
+    """Return a square, or stop at the third."""
+    if seed == 3:
+        raise KeyboardInterrupt
+    return seed**2
 
 
 @pytest.mark.parametrize(
     ("work", "words", "reason"),
     [
-        (time.sleep, [60], "did not end within 1 s"),
-        (os.abort, [], "crashed"),
+        (time.sleep, [60], "more than 1 s"),
+        (os.abort, [], "the last by signal 6"),
         (float, ["x"], "raised ValueError: could not convert string to float: 'x'"),
     ],
 )
 def test_a_run_that_hangs_or_crashes_is_counted_as_empty(capsys, work, words, reason):
-    with ProcessPool(1, context=get_context("spawn")) as pool:
+    options = WorkerOptions(allowed_failures=0, loading=0.0)
+    with closing(WorkerProcesses(1, options)) as executor:
         results = processes.run_seeds(
-            pool, work, lambda seed: {("a peer",): words}, 1, limit=1.0, empty=lambda key: [key]
+            executor, work, lambda seed: {("a peer",): words}, 1, limit=1.0, empty=lambda key: [key]
         )
     assert results == {("a peer",): [[("a peer",)]]}
-    assert f"a peer, seed 0 {reason}: counted as empty" in capsys.readouterr().err
+    told = capsys.readouterr().err
+    assert "a peer, seed 0: " in told
+    assert f"{reason}: counted as empty" in told
 
 
 @pytest.mark.usefixtures("here")
 def test_interrupted_runs_leave_the_seeds_that_are_done(capsys):
-    def square(seed):
-        if seed == 3:
-            raise KeyboardInterrupt
-        return seed**2
-
-    with processes.processes() as pool:
-        results = processes.run_seeds(pool, square, lambda seed: {("key",): [seed]}, 9, limit=1.0, empty=lambda key: 0)
+    with processes.processes() as executor:
+        results = processes.run_seeds(
+            executor, square, lambda seed: {("key",): [seed]}, 9, limit=1.0, empty=lambda key: 0
+        )
     assert results == {("key",): [0, 1, 4]}
-    assert "interrupted in seed 4 of 9" in capsys.readouterr().err
+    assert "interrupted: 3 of 9 seeds are done" in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("here")
+def test_what_is_stored_is_not_run_again_and_what_is_run_is_stored_at_once():
+    stored = {("key", 1): -1}
+    with processes.processes() as executor:
+        results = processes.run_seeds(
+            executor,
+            square,
+            lambda seed: {("key",): [seed]},
+            5,
+            limit=1.0,
+            empty=lambda key: 0,
+            load=lambda key, seed: stored.get((*key, seed)),
+            save=lambda key, seed, result: stored.update({(*key, seed): result}),
+        )
+    assert results == {("key",): [0, -1, 4]}
+    assert stored == {("key", 0): 0, ("key", 1): -1, ("key", 2): 4}
+
+
+@pytest.mark.usefixtures("here")
+def test_what_each_returns_stands_by_its_key_and_what_one_raises_is_raised():
+    with processes.processes() as executor:
+        assert processes.run_each(executor, divmod, {("a",): [7, 2], ("b",): [9, 4]}) == {
+            ("a",): (3, 1),
+            ("b",): (2, 1),
+        }
+        with pytest.raises(ValueError, match="could not convert"):
+            processes.run_each(executor, float, {("a",): ["x"]})
+
+
+def test_workers_of_a_cluster_run_seeds_as_processes_of_this_machine_do(tmp_path):
+    pytest.importorskip("distributed", reason="Dask is not installed: pip install paretoik[cluster]")
+
+    def run(executor):
+        return processes.run_seeds(
+            executor,
+            divmod,
+            lambda seed: {(name,): [seed, len(name)] for name in ("a", "bcd")},
+            3,
+            limit=60.0,
+            empty=str,
+        )
+
+    with local_cluster(tmp_path, 1) as cluster, processes.processes(cluster.address) as there:
+        found = run(there)
+    with processes.processes() as here:
+        assert found == run(here) == {("a",): [(0, 0), (1, 0), (2, 0)], ("bcd",): [(0, 0), (0, 1), (0, 2)]}
 
 
 def test_every_method_comes_first_in_its_turn():
