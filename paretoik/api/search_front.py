@@ -256,9 +256,10 @@ def _infeasible(search: Search | Islands) -> Infeasible:
     limit, reason = explain_violation(search.problem, nearest.X, nearest.G[0])
     motions = decode(search.problem, nearest.X)
     task = getattr(search.problem, "task", None)
-    remedy = remedy_text(task, motions[0]) if isinstance(task, MotionTask) and motions is not None else ""
+    if isinstance(task, MotionTask) and motions is not None:
+        reason += remedy_text(task, motions[0])
     return Infeasible(
-        f"no motion within the limits in {search.evaluations} evaluations; of the least-violating one, {reason}{remedy}",
+        f"no motion within the limits in {search.evaluations} evaluations; of the least-violating one, {reason}",
         motion=None if motions is None else motions[0],
         limit=limit,
         violation=float(nearest.G.max()),
