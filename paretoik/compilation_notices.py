@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 
 SILENT = 1.0  # s: compilations that are estimated or seen to be shorter are not announced
@@ -19,20 +19,22 @@ class CompilationNotice:
 
     def __str__(self) -> str:
         estimate = "" if self.seconds is None else f": about {self.seconds:.0f} s"
-        return f"compiling {self.what}, once on this machine{estimate}"
+        return f"compiling {self.what}, once for this copy of paretoik{estimate}"
 
 
 Observer = Callable[[CompilationNotice], object]
 
 
-def print_notice(notice: CompilationNotice) -> None:
-    """Print a notice to stderr, in one line."""
-    print(notice, file=sys.stderr, flush=True)
+def print_line(text: object) -> None:
+    """Print a line to stderr, where there is one that takes it: a full or closed one ends no computation."""
+    if sys.stderr is not None:
+        with suppress(OSError, ValueError):
+            print(text, file=sys.stderr, flush=True)
 
 
 @contextmanager
 def observe_compilation(observer: Observer) -> Iterator[None]:
-    """Let ``observer`` receive notices instead of ``print_notice``, or of an observer before it."""
+    """Let ``observer`` receive notices instead of ``print_line``, or of an observer before it."""
     _OBSERVERS.append(observer)
     try:
         yield
@@ -45,4 +47,4 @@ def announce(notice: CompilationNotice) -> None:
     _OBSERVERS[-1](notice)
 
 
-_OBSERVERS: list[Observer] = [print_notice]
+_OBSERVERS: list[Observer] = [print_line]

@@ -178,8 +178,13 @@ def can_resume(folder: Path) -> bool:
 
 
 def unfinished_note(folder: Path) -> str:
-    """Say what can be done with a run that has no result, and where the one is that it replaces, after an error."""
-    former = folder / FORMER
+    """Say what can be done with a run that has no result, and where the one is that it replaces, after an error.
+
+    One that ended for want of a feasible motion would end so again: the reason is said instead.
+    """
+    former, run = folder / FORMER, _entries(folder / RUN) or {}
+    if run.get("status") == "Infeasible":
+        return f"; it ended with: {run.get('reason')}"
     resumed = f"; what goes on with it: {shell_command('paretoik', 'resume', folder)}" if can_resume(folder) else ""
     return resumed + (f"; the run that it was to replace is in {former}" if is_run(former / RUN) else "")
 

@@ -13,7 +13,7 @@ import pytest
 
 from paretoik import compilation
 from paretoik.compilation import c_function, carray, compiled
-from paretoik.compilation_notices import CompilationNotice, announce, observe_compilation, print_notice
+from paretoik.compilation_notices import CompilationNotice, announce, observe_compilation, print_line
 
 ROOT = Path(__file__).parents[1]
 
@@ -128,7 +128,7 @@ def in_a_new_process(folder, code, *, prefix=(), write=True, **variables):
 def test_what_is_compiled_is_announced_once_on_a_machine(tmp_path):
     code, variables = "import kernels; print(kernels.outer(1.5))", {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
     first, second = (in_a_new_process(tmp_path, code, **variables) for _ in range(2))
-    assert first == ("4.5\n", "compiling the outer function, once on this machine: about 7 s\n")
+    assert first == ("4.5\n", "compiling the outer function, once for this copy of paretoik: about 7 s\n")
     assert second == ("4.5\n", "")
 
 
@@ -148,7 +148,7 @@ def run():
 def test_a_cache_with_classes_of_a_module_that_is_gone_is_compiled_anew(tmp_path):
     pair = "from typing import NamedTuple\nclass Pair(NamedTuple):\n    first: float\n    second: float\n"
     code, variables = "import paired; print(paired.run())", {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
-    expected = ("3.0\n", "compiling the sum of a pair, once on this machine: about 7 s\n")
+    expected = ("3.0\n", "compiling the sum of a pair, once for this copy of paretoik: about 7 s\n")
     for module in ("before", "after"):
         for old in tmp_path.glob("*.py"):
             old.unlink()
@@ -175,9 +175,9 @@ def test_observers_end_with_their_block(capsys):
         announce(CompilationNotice(what="a", seconds=3.0))
     announce(CompilationNotice(what="b"))
     assert [notice.what for notice in seen] == ["a"]
-    assert capsys.readouterr().err == "compiling b, once on this machine\n"
-    print_notice(CompilationNotice(what="c", seconds=12.4))
-    assert capsys.readouterr().err == "compiling c, once on this machine: about 12 s\n"
+    assert capsys.readouterr().err == "compiling b, once for this copy of paretoik\n"
+    print_line(CompilationNotice(what="c", seconds=12.4))
+    assert capsys.readouterr().err == "compiling c, once for this copy of paretoik: about 12 s\n"
 
 
 WITHOUT_PRIVILEGES = ["setpriv", "--bounding-set=-all", "--inh-caps=-all"]  # root may write everywhere with them
@@ -197,7 +197,7 @@ def test_where_no_cache_folder_can_be_written_a_temporary_one_is_used(tmp_path):
     prefix = WITHOUT_PRIVILEGES if os.getuid() == 0 else []
     first, second = (in_a_new_process(package, code, prefix=prefix, write=False, **variables) for _ in range(2))
     assert first[0].startswith(f"4.5 {temporary}")
-    assert first[1] == "compiling the outer function, once on this machine: about 7 s\n"
+    assert first[1] == "compiling the outer function, once for this copy of paretoik: about 7 s\n"
     assert second == (first[0], "")
 
 

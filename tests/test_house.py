@@ -25,6 +25,13 @@ def tracked() -> list[Path]:
     return [ROOT / line for line in listing.stdout.splitlines() if (ROOT / line).is_file()]
 
 
+def test_how_a_class_is_made_is_not_told_in_the_words_of_a_library_below():
+    """An editor shows a constructor's text beside the class's own: pymoo's speaks of other arguments."""
+    classes = [value for value in (getattr(paretoik, name) for name in paretoik.__all__) if isinstance(value, type)]
+    assert classes
+    assert [each.__name__ for each in classes if "n_var:" in (inspect.getdoc(each.__init__) or "")] == []
+
+
 def test_importing_paretoik_loads_nothing_heavy():
     heavy = ("pymoo", "cvxpy", "numba", "matplotlib", "rerun", "scipy", "pinocchio")
     script = f"import sys, paretoik; print([name for name in {heavy} if name in sys.modules])"

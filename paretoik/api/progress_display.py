@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from paretoik.api.progress import Observer, RunProgress, show_compilation
-from paretoik.compilation_notices import observe_compilation
+from paretoik.compilation_notices import observe_compilation, print_line
 from paretoik.inputs import check_function
 
 
@@ -16,15 +16,15 @@ from paretoik.inputs import check_function
 def open_observer(observe: Observer | bool | None, *, time_limit: float | None = None) -> Iterator[Observer | None]:
     """Yield the observer of a verb, which also learns what is compiled.
 
-    That is ``observe`` itself; for None a bar where stderr is a terminal, for True that or else lines; for False, and
-    for None without a terminal, none. Raises InvalidInput for what cannot be called.
+    That is ``observe`` itself; for None a bar where stderr is a terminal, else a line a minute, from the first on; for
+    True that bar, or else lines at once; for False none. Raises InvalidInput for what cannot be called.
     """
     if observe is None or observe is True:
-        if sys.stderr.isatty():
+        if sys.stderr is not None and sys.stderr.isatty():
             with _bar(time_limit) as bar, show_compilation(bar):
                 yield bar
             return
-        observe = _LinePrinter(time_limit) if observe else None
+        observe = _LinePrinter(time_limit) if observe else _LinePrinter(time_limit, interval=60.0, patient=True)
     elif observe is False:
         with observe_compilation(lambda notice: None):
             yield None
@@ -54,16 +54,21 @@ def _bar(time_limit: float | None) -> Iterator[Observer]:
 
 
 class _LinePrinter:
-    """Prints a line of progress on stderr; of what is counted at most one in ``interval`` [s]."""
+    """Prints a line of progress on stderr; of what is counted at most one in ``interval`` [s].
 
-    def __init__(self, time_limit: float | None, interval: float = 5.0) -> None:
-        self.time_limit, self.interval, self.due = time_limit, interval, 0.0
+    A patient one waits as long for its first, and of the other stages prints only what is compiled.
+    """
+
+    def __init__(self, time_limit: float | None, interval: float = 5.0, *, patient: bool = False) -> None:
+        self.time_limit, self.interval, self.patient = time_limit, interval, patient
+        self.due = time.monotonic() + interval if patient else 0.0
 
     def __call__(self, progress: RunProgress) -> None:
         now = time.monotonic()
-        if now >= self.due or not progress.total:
+        uncounted = progress.stage == "compilation" or (not progress.total and not self.patient)
+        if uncounted or now >= self.due:
             self.due = now + self.interval if progress.total else self.due
-            print(progress_text(progress, self.time_limit), file=sys.stderr, flush=True)
+            print_line(progress_text(progress, self.time_limit))
 
 
 def progress_text(progress: RunProgress, time_limit: float | None = None) -> str:

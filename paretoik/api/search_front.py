@@ -33,6 +33,8 @@ from paretoik.search.endings import Ending, Evaluations, Generations, Progress, 
 from paretoik.search.evolution import evolve
 from paretoik.search.islands import Islands
 from paretoik.stop_flag import Interrupted
+from paretoik.task.motion_task import MotionTask
+from paretoik.trajectory.infeasibility import remedy_text
 
 INTERRUPTED = tuple(status for status in STOPPED if status != "time limit")
 
@@ -253,6 +255,9 @@ def _infeasible(search: Search | Islands) -> Infeasible:
         return Infeasible(f"no feasible point in {search.evaluations} evaluations, and none without a failure")
     limit, reason = explain_violation(search.problem, nearest.X, nearest.G[0])
     motions = decode(search.problem, nearest.X)
+    task = getattr(search.problem, "task", None)
+    if isinstance(task, MotionTask) and motions is not None:
+        reason += remedy_text(task, motions[0])
     return Infeasible(
         f"no motion within the limits in {search.evaluations} evaluations; of the least-violating one, {reason}",
         motion=None if motions is None else motions[0],

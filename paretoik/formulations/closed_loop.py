@@ -104,6 +104,7 @@ class ClosedLoop:
         generations: int = 200,
         seed: int = 0,
     ) -> None:
+        """Make the problem; the class says of what."""
         self.objectives = check_objectives(objectives)
         self.names = tuple(each.name for each in self.objectives)
         self.signs = np.array([each.sign for each in self.objectives])

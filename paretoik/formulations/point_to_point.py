@@ -4,8 +4,7 @@ An individual is a path in joint space, and of the sliders along the links: a sp
 where the tool must begin and end. Path and posture are one thing then, and nothing is tracked. How long it takes at
 least, and what work its motors do, follow in closed form.
 
-Source: Kim, Choi & Jang 2021, section 3, which minimises time alone along a model of the tool's speed; that time is
-weighed against energy is new.
+Source: Kim, Choi & Jang 2021, section 3, which minimises time alone; to weigh it against energy is new.
 """
 
 from __future__ import annotations
@@ -109,6 +108,7 @@ class PointToPoint(DenseFormulation):
         bases: int = 12,
         seed: int = 0,
     ) -> None:
+        """Make the problem; the class says of what."""
         read_list("objectives", objectives, Objective, "a list of functions decorated with @objective")
         check_actuation(actuation, arm)
         counts = {"samples": (samples, 5), "coefficients": (coefficients, 4), "bases": (bases, 1), "seed": (seed, 0)}

@@ -77,6 +77,7 @@ class Posture(Problem):  # type: ignore[misc]  # pymoo is not typed
         obstacles: Sequence[Obstacle] = (),
         link_radius: float = 0.0,
     ) -> None:
+        """Make the problem; the class says of what."""
         read_list("objectives", objectives, Objective, "a list of functions decorated with @objective")
         check_limits(limits, supported=("position", "torque", "clearance"), where="of a posture")
         checked = motion_task(

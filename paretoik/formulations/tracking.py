@@ -125,6 +125,7 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
         bases: int = 12,
         seed: int = 0,
     ) -> None:
+        """Make the problem; the class says of what."""
         check_size("bases", bases, 1)
         check_seed("seed", seed)
         self.task = motion_task(

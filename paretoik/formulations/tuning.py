@@ -114,6 +114,7 @@ class Tuning(Problem):  # type: ignore[misc]  # pymoo is not typed
         link_radius: float = 0.0,
         seed: int = 0,
     ) -> None:
+        """Make the problem; the class says of what."""
         if not isinstance(method, Method):
             raise InvalidInput(f"method: one of pk.methods wanted, such as DampedLeastSquares(), got {shown(method)}")
         check_choice("judged_by", judged_by, get_args(JudgedBy))

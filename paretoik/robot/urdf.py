@@ -22,7 +22,7 @@ from paretoik.robot.fixed_joints import joint_motion
 from paretoik.robot.frame import Frame
 from paretoik.robot.pose import Pose
 from paretoik.robot.urdf_chain import Chain, find_zero_limits, select_chain
-from paretoik.robot.urdf_description import JointDescription, RobotDescription
+from paretoik.robot.urdf_description import OTHER_TYPES, JointDescription, RobotDescription
 from paretoik.robot.urdf_faults import inertia_faults, list_messages
 from paretoik.robot.urdf_reading import read_robot
 from paretoik.tables import fit_screen, html_representation
@@ -65,7 +65,7 @@ def check_robot(file: str | Path, base: str | None = None, tip: str | None = Non
     if not faults:
         summary.append(f"root {robot.roots[0]}, leaves {', '.join(robot.leaves)}")
         if tip is None and len(robot.leaves) > 1:
-            summary.append("several leaves: name one as tip to see its chain")
+            summary.append(f"several leaves: name one as tip to see its chain{_trunk_text(robot)}")
             faults = list_messages(inertia_faults(robot.links.values()))
         else:
             chain = select_chain(str(file), robot, base, tip, {})
@@ -99,6 +99,14 @@ def from_urdf(
     if zero_limits is None and (zeros := find_zero_limits(chain)):
         raise InvalidInput(f"{file}: {'; '.join(zeros)}")
     return replace(_build_arm(str(file), robot, chain), source=file, source_digest=robot.digest)
+
+
+def _trunk_text(robot: RobotDescription) -> str:
+    """Return which links, from the last moving joint on, all leaves hang from: one may be the tip; "" for none."""
+    moving = [joint.child for joint in robot.joints.values() if joint.type not in OTHER_TYPES]
+    trunk = robot.trunk
+    last = max((row for row, link in enumerate(trunk) if link in moving), default=None)
+    return "" if last is None else f", or a link that all of them hang from: {', '.join(trunk[last:])}"
 
 
 def _summarise(joint: JointDescription) -> str:

@@ -80,6 +80,18 @@ class RobotDescription:
         parents = {joint.parent for joint in self.joints.values()}
         return [link for link in self.links if link not in parents]
 
+    @property
+    def trunk(self) -> list[str]:
+        """Links that all leaves are below, or are, from the root on; of a robot without faults."""
+        parents = {joint.child: joint.parent for joint in self.joints.values()}
+        common: list[str] | None = None
+        for leaf in self.leaves:
+            line = [leaf]
+            while line[-1] in parents:
+                line.append(parents[line[-1]])
+            common = line[::-1] if common is None else [link for link in common if link in line]
+        return common or []
+
     def joints_below(self, link: str) -> list[JointDescription]:
         """Return every joint below a link, a parent before its children; of a robot without faults."""
         by_parent: dict[str, list[JointDescription]] = {}

@@ -91,7 +91,7 @@ def retract(
     directions = directions.reshape(-1, *directions.shape[-2:])
     _compiled().newton(
         _error_evaluator(arm, tasks).arrays,
-        np.ascontiguousarray(targets, dtype=float),
+        np.require(targets, float, ["C", "W"]),  # one signature: a read-only array would be compiled for anew
         np.ascontiguousarray(directions, dtype=float),
         row_scales(arm, tasks),
         (OPTIONS.tolerance, OPTIONS.max_step, OPTIONS.max_iterations),

@@ -30,6 +30,15 @@ class InfeasibilityOptions:
 
 OPTIONS = InfeasibilityOptions()
 
+REMEDIES = {  # by kind of limit: what may make room for a motion
+    "position": "another place of the path, or fewer axes of the task",
+    "velocity": "a longer duration",
+    "acceleration": "a longer duration",
+    "torque": "a longer duration, or a smaller payload",
+    "power": "a longer duration",
+    "clearance": "obstacles or a path elsewhere, a smaller link_radius or Limits(clearance=)",
+}
+
 
 def is_clearly_infeasible(task: MotionTask, motion: Motion) -> bool:
     """Return whether a least-violating motion shows that no motion keeps all limits; it is no proof."""
@@ -40,9 +49,28 @@ def is_clearly_infeasible(task: MotionTask, motion: Motion) -> bool:
     kind = name.partition(" of ")[0]
     if kind not in ("position", "clearance"):
         return kind in task.bounds and bool(violations.max() > OPTIONS.clear)
-    sample = task.worst_sample(int(np.argmax(violations)), motion)
-    q = motion.q[sample : sample + 1] if task.start is not None and sample == 0 else _postures(task, sample)
-    return len(q) > 0 and bool(_posture_violation(task, sample, q).min() > OPTIONS.clear_posture)
+    _, violation = _posture_violations(task, int(np.argmax(violations)), motion)
+    return len(violation) > 0 and bool(violation.min() > OPTIONS.clear_posture)
+
+
+def remedy_text(task: MotionTask, motion: Motion) -> str:
+    """Return what may help where a least-violating motion breaks a limit: "; it may help: ...", "" for a user's own.
+
+    It begins with how many postures were tried at the worst sample where none of them keeps the limit.
+    """
+    violations = task.violations(motion)
+    if not len(violations) or not violations.max() > 0:
+        return ""
+    worst = int(np.argmax(violations))
+    kind = task.limit_names[worst].partition(" of ")[0]
+    if kind not in REMEDIES or (kind != "clearance" and kind not in task.bounds):
+        return ""
+    text = f"; it may help: {REMEDIES[kind]}"
+    if kind in ("position", "clearance"):
+        sample, violation = _posture_violations(task, worst, motion)
+        if len(violation) > 1 and violation.min() > 0:
+            return f"; none of {len(violation)} postures tried at sample {sample} keeps the limits{text}"
+    return text
 
 
 def infeasible_error(
@@ -58,10 +86,11 @@ def infeasible_error(
     message = "no motion within the limits was found"
     if obstructed and limit != "clearance":
         message, limit = f"{message}, though there is one without the obstacles", "clearance"
-    numbers = np.searchsorted(task.times, level.times)
+    numbers, full = np.searchsorted(task.times, level.times), _at_samples(task, motion)
     return Infeasible(
-        f"{message}; of the least-violating one, {level.describe_violation(motion, numbers) or status}",
-        motion=_at_samples(task, motion),
+        f"{message}; of the least-violating one, {level.describe_violation(motion, numbers) or status}"
+        + remedy_text(task, full),
+        motion=full,
         limit=limit,
         violation=float(violations.max(initial=0.0)),
     )
@@ -89,6 +118,13 @@ def _postures(task: MotionTask, sample: int) -> np.ndarray:
     middle = np.where(np.isfinite(limits).all(axis=1, keepdims=True), limits, 0.0).mean(axis=1)
     turns = np.where(task.arm.periodic, np.round((q - middle) / (2 * np.pi)), 0.0)
     return np.asarray(q - 2 * np.pi * turns)
+
+
+def _posture_violations(task: MotionTask, limit: int, motion: Motion) -> tuple[int, np.ndarray]:
+    """Return the sample where a motion violates a limit most, and what postures (postures,) that reach it violate."""
+    sample = task.worst_sample(limit, motion)
+    q = motion.q[sample : sample + 1] if task.start is not None and sample == 0 else _postures(task, sample)
+    return sample, _posture_violation(task, sample, q)
 
 
 def _posture_violation(task: MotionTask, sample: int, q: np.ndarray) -> np.ndarray:

@@ -45,8 +45,6 @@ def test_quiet_means_no_observer_and_no_notices_of_compilation(capsys):
 
 
 def test_by_default_a_terminal_gets_a_bar_and_nothing_else_is_drawn_on(monkeypatch, capsys):
-    with open_observer(None) as observe:
-        assert observe is None
     monkeypatch.setattr("sys.stderr.isatty", lambda: True)
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setenv("FORCE_COLOR", "1")
@@ -57,6 +55,18 @@ def test_by_default_a_terminal_gets_a_bar_and_nothing_else_is_drawn_on(monkeypat
     mine = [].append
     with open_observer(mine) as observe:
         assert observe is mine
+
+
+def test_by_default_without_a_terminal_a_line_comes_once_a_minute_has_passed(monkeypatch, capsys):
+    now = [0.0]
+    monkeypatch.setattr("time.monotonic", lambda: now[0])
+    with open_observer(None) as observe:
+        announce(NOTICE)
+        for now[0], done in ((1.0, 1), (59.0, 2), (61.0, 3), (62.0, 4), (122.0, 5)):
+            observe(progress(done))
+            observe(progress(0, total=0, stage="saving"))
+    lines = capsys.readouterr().err.splitlines()
+    assert lines == [str(NOTICE), "generation 3/10, at most 1:10 left", "generation 5/10, at most 0:30 left"]
 
 
 def test_what_is_compiled_is_a_line_at_once(capsys):

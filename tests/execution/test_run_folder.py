@@ -13,7 +13,17 @@ import pytest
 
 from paretoik.errors import InvalidInput
 from paretoik.execution.run_folder import LOCK, claim_folder, lock_folder
-from paretoik.run_files import CHOICES, CONTENTS, FORMER, RECORDING, RUN, unfinished_note, write_run
+from paretoik.run_files import (
+    CHECKPOINT,
+    CHOICES,
+    CONTENTS,
+    FORMER,
+    JOURNAL,
+    RECORDING,
+    RUN,
+    unfinished_note,
+    write_run,
+)
 
 HOLDER = """
 import json, sys, time
@@ -153,6 +163,13 @@ def test_a_killed_process_with_a_result_has_replaced_the_run(tmp_path):
     with pytest.raises(InvalidInput, match="permission to overwrite"), claim_folder(tmp_path):
         pass
     assert sorted(contents(tmp_path)) == ["notes.txt", RUN]
+
+
+def test_a_run_that_ended_for_want_of_a_motion_says_why_and_not_how_to_go_on(tmp_path):
+    write_run(tmp_path, {"status": "Infeasible", "reason": "no motion within the limits"})
+    (tmp_path / CHECKPOINT).mkdir()
+    (tmp_path / CHECKPOINT / JOURNAL).write_bytes(b"")
+    assert unfinished_note(tmp_path) == "; it ended with: no motion within the limits"
 
 
 KILLED = """

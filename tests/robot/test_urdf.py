@@ -211,6 +211,12 @@ def test_a_report_without_a_tip_names_the_leaves_to_choose_from():
     report = check_robot(PANDA)
     assert report.faults == ()
     assert "root panda_link0, leaves panda_hand_tcp, panda_leftfinger, panda_rightfinger" in report.summary
+    assert report.summary[-1].endswith("a link that all of them hang from: panda_link7, panda_link8, panda_hand")
+
+
+def test_leaves_that_hang_from_the_root_alone_leave_nothing_to_propose(write_urdf):
+    file = write_urdf(link("a"), link("b"), link("c"), joint("j1", "a", "b"), joint("j2", "a", "c"))
+    assert check_robot(file).summary[-1] == "several leaves: name one as tip to see its chain"
 
 
 @pytest.mark.parametrize("what", ["velocity", "effort"])

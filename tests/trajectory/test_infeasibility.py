@@ -51,6 +51,7 @@ def test_limits_that_clearly_contradict_the_path_are_named_by_joint_and_sample_o
     for sample, time in re.findall(r"at sample (\d+) \(([\d.]+) s\)", str(error)):
         assert int(sample) == round(100 * float(time))
     assert len(error.motion.q) == 101
+    assert re.search(r"; it may help: (a longer duration|another place of the path)", str(error))
 
 
 def test_an_obstacle_on_the_path_is_blamed_by_number_and_link():
@@ -61,6 +62,7 @@ def test_an_obstacle_on_the_path_is_blamed_by_number_and_link():
         )
     assert error.limit == "clearance"
     assert "between link 3 and obstacle 2, a circle" in str(error)
+    assert re.search(r"; none of \d+ postures tried at sample \d+ keeps the limits; it may help: obstacles", str(error))
 
 
 def test_an_obstacle_without_which_there_is_a_motion_is_blamed_rather_than_joint_limits():
