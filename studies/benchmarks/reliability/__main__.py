@@ -1,20 +1,23 @@
 """Runs killed and gone on with, journals cut and damaged, disks that are full: what is lost of them.
 
-    python -m studies.benchmarks.reliability [--quick] [--kills N] [--parts kills journal disks] [--json FILE]
+    python -m studies.benchmarks.reliability [--quick] [--kills N] [--runs NAME ...] [--parts kills journal disks]
 
-Runs of the command line (a search, one with refinement, a plan, an ε-front, a refinement, a closed loop) are killed by
-SIGKILL: half of them at times spread over all that they compute, half at what they do to files (open, make, rename,
-remove, have on the disk), spread over all of it; every third is killed again as it goes on. What they come to is
-compared with a run that nobody killed, bit for bit. A journal has what was computed up to a moment: its age at the kill
-is the work that was lost, at most. Then a real journal is cut at every byte of its end and has bits flipped anywhere;
+Runs of the command line (a search, one with refinement, a plan, an ε-front, a refinement, a closed loop; but for plan
+and loop also with two worker processes and on a Dask cluster of two) are killed by SIGKILL, as often in every phase
+that they have (ask, evaluate, refine, what is between; write, rename and have on the disk), spread over all of it;
+every third is killed again as it goes on. What they come to is compared with a run that nobody killed, bit for bit, and
+so is all that the journal has, generation by generation. A journal has what was computed up to a moment: its age at the
+kill is the work that was lost, at most. Then a real journal is cut at every byte of its end and has bits flipped;
 and a search is run on disks from 4 kB to what it fills up in its course.
 """
 
 from __future__ import annotations
 
+import shutil
 import tempfile
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -32,13 +35,14 @@ from studies.benchmarks.reliability.journals import count_flips, count_wrong_cut
 from studies.benchmarks.reliability.kills import (
     COMMANDS,
     Kill,
-    Kind,
     WholeRun,
     kill,
     result_of,
     run_killed,
     whole_run,
 )
+from studies.benchmarks.reliability.phases import FILE_PHASES, PHASES, Phase
+from studies.benchmarks.scaling.local_cluster import local_cluster
 from studies.reporting import Row, report, study_parser, tell
 
 
@@ -47,11 +51,14 @@ class ReliabilityOptions:
     """How many ``kills`` there are, ``quick`` ones, every so many ``twice``; bytes of ``cuts`` and bits of ``flips``.
 
     So many ``disks`` are too small, ``quick_disks`` with --quick; one of ``large`` bytes is not. The journal that is
-    cut is that of a search of so many ``generations``, stopped after so many ``seconds``.
+    cut is that of a search of so many ``generations``, stopped after so many ``seconds``. A phase
+    that takes less than so many seconds (``short``) is not met.
     """
 
-    kills: int = 240
-    quick: int = 12
+    kills: int = 280
+    quick: int = 28
+    workers: int = 2
+    short: float = 0.02
     twice: int = 3
     cuts: int = 2000
     flips: int = 1000
@@ -63,6 +70,7 @@ class ReliabilityOptions:
 
 
 OPTIONS = ReliabilityOptions()
+LOST = ("refused", "another result")
 PARTS = ("kills", "journal", "disks")
 
 
@@ -71,13 +79,16 @@ def main() -> None:
     parser = study_parser(__doc__ or "", quick=f"{OPTIONS.quick} kills")
     parser.add_argument("--kills", type=int, metavar="N", help=f"how many ({OPTIONS.kills})")
     parser.add_argument("--parts", nargs="+", choices=PARTS, default=PARTS, metavar="PART", help=", ".join(PARTS))
+    parser.add_argument(
+        "--runs", nargs="+", choices=COMMANDS, default=list(COMMANDS), metavar="NAME", help="some alone"
+    )
     arguments = parser.parse_args()
     kills = arguments.kills or (OPTIONS.quick if arguments.quick else OPTIONS.kills)
     disks = OPTIONS.quick_disks if arguments.quick else OPTIONS.disks
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
         rows_of = {
-            "kills": lambda: _kill_rows(folder, kills),
+            "kills": lambda: _kill_rows(folder, kills, arguments.runs),
             "journal": lambda: _journal_rows(folder),
             "disks": lambda: _disk_rows(folder, disks),
         }
@@ -85,30 +96,52 @@ def main() -> None:
     report(rows, json_file=arguments.json)
 
 
-def _kill_rows(folder: Path, count: int) -> Iterator[Row]:
-    search = folder / "search"
-    for name in COMMANDS:
-        tell(f"{name}: whole")
-        run = whole_run(name, folder / name.replace(" ", "_"), search)
-        kills = []
-        for number, (kind, moment) in enumerate(_moments(run, -(-count // len(COMMANDS)))):
-            again = run.seconds / 3 if number % OPTIONS.twice == 0 else None
-            kills.append(kill(run, kind, moment, folder / "killed", again=again))
-            tell(f"{name}: killed {len(kills)} times, {kills[-1].kind} {kills[-1].moment:.3g}: {kills[-1].outcome}")
-        yield from _rows(name, kills)
+def _kill_rows(folder: Path, count: int, names: Sequence[str]) -> Iterator[Row]:
+    kills = list[Kill]()
+    with ExitStack() as stack:
+        replacements = {"SEARCH": str(folder / "source")}
+        whole_run("search", folder / "source", {})
+        if any("--cluster" in COMMANDS[name] for name in names):
+            replacements["CLUSTER"] = stack.enter_context(local_cluster(folder, OPTIONS.workers)).address
+        for name in names:
+            kills += _kills(name, folder, -(-count // len(names)), replacements)
+            yield from _rows(name, [each for each in kills if each.name == name])
+    yield from _phase_rows(kills)
 
 
-def _moments(run: WholeRun, count: int) -> Iterator[tuple[Kind, float]]:
-    """Yield kinds and moments of kills, spread evenly over a run."""
-    for share in (np.arange(count // 2) + 0.5) / max(count // 2, 1):
-        yield "event", 1 + int(share * run.events)
-    for share in (np.arange(count - count // 2) + 0.5) / (count - count // 2):
-        yield "time", float(share * run.seconds)
+def _kills(name: str, folder: Path, count: int, replacements: Mapping[str, str]) -> Iterator[Kill]:
+    run = whole_run(name, folder / "whole", replacements)
+    shutil.rmtree(folder / "whole")
+    tell(f"{name}: whole, {run.seconds:.1f} s, {run.entries} entries")
+    for number, (phase, amount) in enumerate(_moments(run, count)):
+        again = amount / 2 if number % OPTIONS.twice == 0 else None
+        killed = kill(run, phase, amount, folder / "killed", again=again)
+        tell(f"{name}: killed {number + 1} times, {phase} {amount:.3g}: {killed.outcome} {killed.cause}")
+        yield killed
+
+
+def _moments(run: WholeRun, count: int) -> Iterator[tuple[Phase, float]]:
+    """Yield phases and amounts of kills, as many in every phase, spread evenly over all of it."""
+    phases = [phase for phase in PHASES if run.amounts.get(phase, 0.0) > OPTIONS.short]
+    rounds = -(-count // len(phases))
+    for number in range(count):
+        phase, share = phases[number % len(phases)], (number // len(phases) + 0.5) / rounds
+        amount = share * run.amounts[phase]
+        yield phase, 1 + int(amount) if phase in FILE_PHASES else amount
+
+
+def _phase_rows(kills: Sequence[Kill]) -> Iterator[Row]:
+    for phase in PHASES:
+        met = [each for each in kills if each.phase == phase and np.isfinite(each.orphaned)]
+        lost = sum(each.outcome in LOST for each in met)
+        note = "refused, or to another result" if lost else ""
+        yield Row(table="phases", row=phase, column="kills", unit="", ours=len(met), reference=20, source="goal")
+        yield Row(table="phases", row=phase, column="lost", unit="", ours=lost, reference=0, source="goal", note=note)
 
 
 def _rows(name: str, kills: list[Kill]) -> Iterator[Row]:
     outcomes = Counter(each.outcome for each in kills)
-    lost = outcomes["refused"] + outcomes["another result"]
+    lost = sum(outcomes[each] for each in LOST)
     causes = ", ".join(sorted({each.cause for each in kills if each.cause}))
     words = ", ".join(f"{number} {outcome}" for outcome, number in outcomes.most_common())
     yield Row(table="kills", row=name, column="kills", unit="", ours=len(kills), note=words)
@@ -117,6 +150,10 @@ def _rows(name: str, kills: list[Kill]) -> Iterator[Row]:
     if unsaved:
         for column, value in (("work lost, median", np.median(unsaved)), ("work lost, most", max(unsaved))):
             yield Row(table="kills", row=name, column=column, unit="s", ours=float(value), reference=1, source="goal")
+    orphaned = [each.orphaned for each in kills if np.isfinite(each.orphaned)]
+    yield Row(
+        table="kills", row=name, column="other processes lived on, most", unit="s", ours=max(orphaned, default=0.0)
+    )
 
 
 def _journal_rows(folder: Path) -> Iterator[Row]:
@@ -163,7 +200,7 @@ def _disk_rows(folder: Path, count: int) -> Iterator[Row]:
 def _journal_of(command: tuple[str, ...], folder: Path) -> bytes:
     """Return the journal of a command that its time limit stops."""
     limits = f"--generations={OPTIONS.generations}", f"--time-limit={OPTIONS.seconds}"
-    run_killed((*command, *limits), folder, "time", np.inf)
+    run_killed((*command, *limits), folder, "else", np.inf)
     return (folder / CHECKPOINT / JOURNAL).read_bytes()
 
 

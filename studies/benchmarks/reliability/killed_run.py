@@ -1,8 +1,11 @@
 """A run of the command line that kills itself on the way: ``python -m studies.benchmarks.reliability.killed_run``.
 
-Arguments are the folder of the run, "time" or "event", when, and those of ``paretoik``. "time" is seconds after the
-run's folder is claimed; "event" the number of what the process does there to files: it opens, makes, renames, removes
-one, or has one on the disk. The last line on stderr of one that comes to its end is JSON: its events and seconds.
+Arguments are the folder of the run, a phase, how much of it, and those of ``paretoik``. What the main thread is at is
+looked up in its stack every few milliseconds, from the moment on when the folder is claimed: "ask", "evaluate",
+"refine" or "else", of which the amount is seconds. Of "write", "rename" and "fsync" it is the number of what the
+process does to files of that folder; the write to a journal that is killed is half done. The last line on stderr is
+JSON: of a process that kills itself when that was and the seconds of work by then that the journal has not, of one that
+comes to its end how much there was of every phase, and the digest of all that it took from its journal or put there.
 """
 
 from __future__ import annotations
@@ -14,57 +17,150 @@ import signal
 import sys
 import threading
 import time
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from hashlib import sha256
 from pathlib import Path
-from typing import Any
+from types import FrameType
+from typing import Any, get_args
 
-EVENTS = ("open", "os.mkdir", "os.rename", "os.rmdir", "os.remove", "os.truncate")
+import numpy as np
+
+from paretoik.journal import Journal
+from studies.benchmarks.reliability.phases import FilePhase, Phase
+
+
+@dataclass(frozen=True, kw_only=True)
+class KillerOptions:
+    """The stack is looked at every so many seconds (``interval``)."""
+
+    interval: float = 0.002
+
+
+OPTIONS = KillerOptions()
+EVALUATION = "search/generation_evaluation.py", "closed_loop/step_evolution.py"
+SEARCH = "search/ask_tell.py", "search/islands.py"
+REFINEMENT = "paretoik/pareto/", "paretoik/trajectory/", "paretoik/nlp/"
+CHANGES = os.O_WRONLY | os.O_RDWR | os.O_CREAT
 
 
 class Killer:
-    """Kills this process at a moment; counts what is done to the files of a folder until then."""
+    """Kills this process when there was so much (``amount``) of a phase of the run in a folder."""
 
-    def __init__(self, folder: Path, kind: str, moment: float) -> None:
-        self._folder, self._kind, self._moment = str(folder), kind, moment
-        self._events, self._claimed = 0, 0.0
-        self._synchronise = os.fsync
+    def __init__(self, folder: Path, phase: Phase, amount: float) -> None:
+        self._folder, self._phase, self._amount = str(folder), phase, amount
+        self._amounts = Counter[str]()
+        self._entries: dict[str, str] = {}  # of the journal: digests of values by key
+        self._claimed = self._saved = 0.0
+        self._main = threading.main_thread().ident
+        self._synchronise, self._write = os.fsync, os.pwrite
         sys.addaudithook(self._see)
-        os.fsync = self._synchronised  # which raises no audit event
+        os.fsync, os.pwrite = self._synchronised, self._written  # which raise no audit events
+        self._watch_journals()
         atexit.register(self._tell)
 
     def _see(self, event: str, arguments: tuple[Any, ...]) -> None:
-        if event not in EVENTS or self._folder not in str(arguments[0]):
+        if self._folder not in str(arguments[:1]):
             return
         if not self._claimed and "run.json" in str(arguments[0]):
-            self._claimed = time.monotonic()
-            if self._kind == "time" and self._moment < threading.TIMEOUT_MAX:
-                timer = threading.Timer(self._moment, self._kill)
-                timer.daemon = True
-                timer.start()
-        self._count()
+            self._claimed = self._saved = time.monotonic()
+            threading.Thread(target=self._look, daemon=True).start()
+        if event == "os.rename":
+            self._count("rename")
+        elif event in ("os.mkdir", "os.truncate", "os.remove") or (event == "open" and _changes(*arguments[1:])):
+            self._count("write")
 
     def _synchronised(self, fd: Any) -> None:
-        self._count()
+        self._count("fsync")
         self._synchronise(fd)
 
-    def _count(self) -> None:
-        self._events += self._claimed > 0
-        if self._kind == "event" and self._events >= self._moment:
+    def _written(self, descriptor: int, content: bytes, offset: int) -> int:
+        if self._is_due("write"):
+            self._write(descriptor, content[: len(content) // 2], offset)
+        self._count("write")
+        return self._write(descriptor, content, offset)
+
+    def _is_due(self, phase: FilePhase) -> bool:
+        return self._claimed > 0 and phase == self._phase and self._amounts[phase] + 1 >= self._amount
+
+    def _count(self, phase: FilePhase) -> None:
+        if self._is_due(phase):
             self._kill()
+        self._amounts[phase] += self._claimed > 0
+
+    def _look(self) -> None:
+        """Add up what the main thread is at, and kill it there."""
+        before = time.monotonic()
+        while threading.main_thread().is_alive():
+            time.sleep(OPTIONS.interval)
+            phase, now = _phase_of(sys._current_frames().get(self._main or 0)), time.monotonic()
+            self._amounts[phase] += now - before  # type: ignore[assignment]  # seconds
+            before = now
+            if phase == self._phase and self._amounts[phase] >= self._amount:
+                self._kill()
+
+    def _watch_journals(self) -> None:
+        """Let every entry that is taken from a journal or put there be known by its digest, and when the last was."""
+        get, append = Journal.get, Journal.append
+
+        def get_watched(journal: Journal, key: bytes) -> dict[str, np.ndarray] | None:
+            values = get(journal, key)
+            self._note(key, values)
+            return values
+
+        def append_watched(journal: Journal, key: bytes, values: Mapping[str, np.ndarray]) -> None:
+            append(journal, key, values)
+            self._note(key, values)
+
+        Journal.get, Journal.append = get_watched, append_watched  # type: ignore[method-assign]
+
+    def _note(self, key: bytes, values: Mapping[str, np.ndarray] | None) -> None:
+        if values is None:
+            return
+        self._saved = time.monotonic()
+        if "rows" not in values:  # parts of a generation, which are as long as a moment allows
+            digest = sha256()
+            for name in sorted(values):
+                digest.update(name.encode() + np.ascontiguousarray(values[name]).tobytes())
+            self._entries[key.hex()] = digest.hexdigest()
 
     def _tell(self) -> None:
-        done = {"events": self._events, "seconds": time.monotonic() - self._claimed}
-        print(json.dumps(done), file=sys.stderr)
+        entries = sha256(json.dumps(self._entries, sort_keys=True).encode()).hexdigest()
+        done = {"amounts": self._amounts, "entries": len(self._entries), "digest": entries}
+        print(json.dumps(done | {"seconds": time.monotonic() - self._claimed}), file=sys.stderr)
 
     def _kill(self) -> None:
+        done = {"killed": time.time(), "unsaved": time.monotonic() - self._saved, "entries": len(self._entries)}
+        os.write(2, f"\n{json.dumps(done)}\n".encode())
         os.kill(os.getpid(), signal.SIGKILL)
+
+
+def _phase_of(frame: FrameType | None) -> Phase:
+    """Return what a stack is at, by the outermost function that says it."""
+    phase: Phase = "else"
+    while frame is not None:
+        file = frame.f_code.co_filename
+        if file.endswith(EVALUATION):
+            phase = "evaluate"
+        elif file.endswith(SEARCH) and frame.f_code.co_name == "ask":
+            phase = "ask"
+        elif any(folder in file for folder in REFINEMENT):
+            phase = "refine"
+        frame = frame.f_back
+    return phase
+
+
+def _changes(mode: str | None, flags: int) -> bool:
+    return any(letter in (mode or "") for letter in "wxa+") or bool(flags & CHANGES)
 
 
 def main(arguments: list[str]) -> None:
     """Run the command line, to be killed on the way."""
     from paretoik.cli.app import main as command_line
 
-    folder, kind, moment, *command = arguments
-    Killer(Path(folder), kind, float(moment))
+    folder, phase, amount, *command = arguments
+    Killer(Path(folder), get_args(Phase)[get_args(Phase).index(phase)], float(amount))
     sys.argv = ["paretoik", *command]
     command_line()
 

@@ -8,90 +8,132 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from hashlib import sha256
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import pyarrow.parquet as pq
 
 from paretoik.file_replacement import without_writers
-from paretoik.run_files import CHECKPOINT, JOURNAL, MOTIONS, OPTIMA, RUN, TABLE, can_resume
+from paretoik.run_files import MOTIONS, OPTIMA, RUN, TABLE, can_resume
 from studies.benchmarks.checkouts import ROOT
+from studies.benchmarks.reliability.phases import Phase
 
-Kind = Literal["time", "event"]
 Outcome = Literal["nothing yet", "whole", "went on", "refused", "another result"]
 
 ENERGY_TORQUE = "problems/tringali_2020.py:energy_torque"
+SEARCH = ("solve", ENERGY_TORQUE, "--population=60", "--generations=40", "--seed=1")
+REFINED = ("solve", ENERGY_TORQUE, "--refine", "--population=40", "--generations=12", "--points=8", "--seed=1")
+FRONT = ("front", ENERGY_TORQUE, "--points=4", "--starts=8")
+REFINEMENT = ("refine", "SEARCH")
+WORKERS = ("--workers=2",)
+ON_CLUSTER = ("--cluster", "CLUSTER")
 COMMANDS: dict[str, tuple[str, ...]] = {
-    "search": ("solve", ENERGY_TORQUE, "--population=60", "--generations=40", "--seed=1"),
-    "search and refinement": (
-        *("solve", ENERGY_TORQUE, "--refine", "--population=40"),
-        *("--generations=12", "--points=8", "--seed=1"),
-    ),
+    "search": SEARCH,
+    "search and refinement": REFINED,
     "plan": ("plan", "problems/tringali_2020.py:simulation_2", "--starts=24"),
-    "front": ("front", ENERGY_TORQUE, "--points=6", "--starts=12"),
-    "refinement": ("refine", "SEARCH"),
+    "front": FRONT,
+    "refinement": REFINEMENT,
     "closed loop": ("solve", "problems/marcos_2012.py:circle_3r", "--generations=10", "--population=20"),
+    "search, workers": (*SEARCH, *WORKERS),
+    "search and refinement, workers": (*REFINED, *WORKERS),
+    "front, workers": (*FRONT, *WORKERS),
+    "refinement, workers": (*REFINEMENT, *WORKERS),
+    "search, cluster": (*SEARCH, *ON_CLUSTER),
+    "search and refinement, cluster": (*REFINED, *ON_CLUSTER),
+    "front, cluster": (*FRONT, *ON_CLUSTER),
+    "refinement, cluster": (*REFINEMENT, *ON_CLUSTER),
 }
-"""What is run, by name; SEARCH stands for the folder of a whole search."""
+"""What is run, by name; SEARCH stands for the folder of a whole search, CLUSTER for the address of a scheduler."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class WholeRun:
-    """A run that nobody killed: its ``command``, what it does to files (events), its seconds, and its result."""
+    """A run that nobody killed: its ``command``, who computes (words of the command line), its result.
+
+    Further how much it has of every phase (seconds, or a number), its seconds, and the digest of its entries in the
+    journal.
+    """
 
     name: str
     command: tuple[str, ...]
-    events: int
-    seconds: float
+    workers: tuple[str, ...]
     result: str
+    amounts: Mapping[Phase, float]
+    seconds: float
+    digest: str
+    entries: int
 
 
 @dataclass(frozen=True, kw_only=True)
 class Kill:
-    """A kill: of which run, when, what came of it, the age of the journal by then [s], and the ``cause`` if refused."""
+    """A kill: of which run, in which phase, at how much of it, what came of it, the ``cause`` if refused.
+
+    ``unsaved`` is the time since the journal last had an entry [s], ``orphaned`` how long processes lived on that the
+    killed one had started [s]; both not a number where the run was at its end before.
+    """
 
     name: str
-    kind: Kind
-    moment: float
+    phase: Phase
+    amount: float
     outcome: Outcome
-    unsaved: float
+    unsaved: float = np.nan
+    orphaned: float = np.nan
     cause: str = ""
 
 
-def whole_run(name: str, folder: Path, search: Path) -> WholeRun:
-    """Do a run without a kill."""
-    command = tuple(str(search) if word == "SEARCH" else word for word in COMMANDS[name])
-    process = run_killed(command, folder, "time", np.inf)
+def whole_run(name: str, folder: Path, replacements: Mapping[str, str]) -> WholeRun:
+    """Do a run without a kill; words of its command are replaced."""
+    command = tuple(replacements.get(word, word) for word in COMMANDS[name])
+    process = run_killed(command, folder, "else", np.inf)
     if process.returncode != 0:
         raise RuntimeError(f"{name}: {process.stderr}")
-    done = json.loads(process.stderr.splitlines()[-1])
-    return WholeRun(name=name, command=command, result=result_of(folder), **done)
+    done = _last_words(process)
+    workers = command[command.index("--cluster") :] if "--cluster" in command else command[-1:]
+    workers = workers if workers[0].startswith(("--workers", "--cluster")) else ()
+    return WholeRun(name=name, command=command, workers=workers, result=result_of(folder), **done)
 
 
-def kill(run: WholeRun, kind: Kind, moment: float, folder: Path, *, again: float | None = None) -> Kill:
-    """Kill a run at a moment, and a second time ``again`` seconds after it goes on; let it come to its end."""
+def kill(run: WholeRun, phase: Phase, amount: float, folder: Path, *, again: float | None = None) -> Kill:
+    """Kill a run in a phase, and a second time at ``again`` of it after it goes on; let it come to its end."""
     shutil.rmtree(folder, ignore_errors=True)
-    process = run_killed(run.command, folder, kind, moment)
-    unsaved = _age(folder / CHECKPOINT / JOURNAL)
-    if process.returncode != -signal.SIGKILL:  # it was at its end
-        unsaved = np.nan
+    process = run_killed(run.command, folder, phase, amount)
+    common = partial(Kill, name=run.name, phase=phase, amount=amount)
+    if process.returncode == -signal.SIGKILL:
+        done = _last_words(process)
+        # Until the journal has an entry workers are only starting.
+        unsaved = done["unsaved"] if done["entries"] or not run.workers else np.nan
+        common = partial(common, unsaved=unsaved, orphaned=time.time() - done["killed"])
     for limit in (again, None):
         if not can_resume(folder):
             break
-        command = ("resume", str(folder))
-        resumed = run_killed(command, folder, "time", np.inf if limit is None else limit, out=False)
+        command = ("resume", str(folder), *run.workers)
+        resumed = run_killed(command, folder, phase, np.inf if limit is None else limit, out=False)
         if resumed.returncode not in (0, -signal.SIGKILL):
-            cause = resumed.stderr.strip().splitlines()[-2:][0]
-            return Kill(name=run.name, kind=kind, moment=moment, outcome="refused", unsaved=unsaved, cause=cause)
+            return common(outcome="refused", cause=resumed.stderr.strip().splitlines()[-2:][0])
         process = resumed
-    outcome: Outcome = "nothing yet"
-    if (folder / RUN).exists() and "files" in json.loads((folder / RUN).read_text()):
-        outcome = "went on" if "resume" in process.args else "whole"
-        outcome = outcome if result_of(folder) == run.result else "another result"
-    return Kill(name=run.name, kind=kind, moment=moment, outcome=outcome, unsaved=unsaved)
+    return common(outcome=_outcome(run, process, folder))
+
+
+def _last_words(process: subprocess.CompletedProcess[str]) -> dict[str, Any]:
+    """Return what a process said of its end, after which workers may have said more."""
+    done: dict[str, Any] = json.loads([line for line in process.stderr.splitlines() if line.startswith("{")][-1])
+    return done
+
+
+def _outcome(run: WholeRun, process: subprocess.CompletedProcess[str], folder: Path) -> Outcome:
+    if not ((folder / RUN).exists() and "files" in json.loads((folder / RUN).read_text())):
+        return "nothing yet"
+    if result_of(folder) != run.result:
+        return "another result"
+    if process.returncode == -signal.SIGKILL:
+        return "whole"  # it had its result
+    digest = _last_words(process)["digest"]
+    return "another result" if digest != run.digest else "went on" if "resume" in process.args else "whole"
 
 
 def result_of(folder: Path) -> str:
@@ -108,13 +150,9 @@ def result_of(folder: Path) -> str:
 
 
 def run_killed(
-    command: tuple[str, ...], folder: Path, kind: Kind, moment: float, *, out: bool = True
+    command: tuple[str, ...], folder: Path, phase: Phase, amount: float, *, out: bool = True
 ) -> subprocess.CompletedProcess[str]:
     """Run a command of ``paretoik`` into a folder, or on one without ``out``, in a process that kills itself."""
-    killed = [sys.executable, "-m", "studies.benchmarks.reliability.killed_run", str(folder), kind, str(moment)]
+    killed = [sys.executable, "-m", "studies.benchmarks.reliability.killed_run", str(folder), phase, str(amount)]
     arguments = [*command, "--quiet", *(("--out", str(folder)) if out else ())]
     return subprocess.run([*killed, *arguments], cwd=ROOT, capture_output=True, text=True, check=False)
-
-
-def _age(journal: Path) -> float:
-    return time.time() - journal.stat().st_mtime if journal.exists() else np.nan
