@@ -86,7 +86,8 @@ class FinishedSearch:
             self._motions.log_postures(stream, self._postures[2].T)
 
     def _log_generation(self, stream: rr.RecordingStream, generation: Generation, moved: int | None) -> None:
-        words = text_of(self.search.scene, generation, moved, outside=self._views.outside(generation))
+        end = "the final front" if self._nearest is None else "the last population"
+        words = text_of(self.search.scene, generation, moved, outside=self._views.outside(generation), end=end)
         self._views.log_generation(stream, generation, words)
         if self._motions is not None:
             self._motions.log_whole(stream, generation.points)
@@ -226,7 +227,7 @@ class FinishedSearch:
         shown = np.concatenate([np.empty((0, len(self.search.scene.names))), *fronts])
         if len(shown):
             return shown
-        return np.concatenate([shown, *(each.population for each in self._generations)])  # none of it is feasible
+        return np.concatenate([shown, *(each.population for each in self._generations[-1:])])  # none is feasible
 
     @property
     def _generations(self) -> Sequence[Generation]:

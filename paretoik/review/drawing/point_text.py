@@ -68,14 +68,22 @@ def _point_text(front: Front, row: int, title: str, reason: str) -> str:
     return screen_text(unbroken_units("\n\n".join(part for part in parts if part), front.units))
 
 
-def text_of(scene: SearchScene, generation: Generation, moved: int | None = None, *, outside: int = 0) -> str:
+def text_of(
+    scene: SearchScene,
+    generation: Generation,
+    moved: int | None = None,
+    *,
+    outside: int = 0,
+    end: str = "the final front",
+) -> str:
     """Return what is to be known of a generation and its compromise, or of a step of a closed loop.
 
-    ``moved`` is the generation whose motions are shown with it, ``outside`` how many individuals lie outside the axes.
+    ``moved`` is the generation whose motions are shown with it, ``outside`` how many individuals lie outside the axes,
+    which show what is near the ``end``.
     """
     if scene.timeline == "step":
         return screen_text(_step_text(scene, generation))
-    outside_lines = outside_text(outside, len(generation.population), "the final front")
+    outside_lines = outside_text(outside, len(generation.population), end)
     words = "\n".join([_generation_text(scene, generation, moved), *outside_lines])
     return screen_text(unbroken_units(words, scene.units))
 
