@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from html import unescape
 from pathlib import Path
 
 import numpy as np
@@ -136,6 +137,20 @@ def test_every_noun_fits_one_screen_at_the_prompt_and_in_print(nouns):
             assert max(map(len, lines)) <= 120, (name, text)
             assert "object at 0x" not in text, (name, text)
             assert "array(" not in text, (name, text)
+
+
+def test_a_notebook_shows_the_text_of_every_noun_as_text(nouns):
+    for name, noun in nouns.items():
+        head, _, text = noun._repr_html_().partition(">")
+        assert head.startswith("<pre "), name
+        assert "<" not in text.removesuffix("</pre>"), name
+        assert unescape(text.removesuffix("</pre>")) == repr(noun), name
+
+
+def test_a_name_that_looks_like_html_stays_text(nouns):
+    for preference in (pk.Weights({"<script>": 0.3}), pk.Lexicographic("<b>", "&amp;"), pk.Aspiration({"<i>": 1.0})):
+        html = preference._repr_html_()
+        assert unescape(html).count("<") > html.count("<") == 2, html
 
 
 SAID = {

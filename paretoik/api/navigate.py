@@ -13,7 +13,7 @@ from paretoik.execution.run_folder import check_other_folder, claim_folder, lock
 from paretoik.front.front import Choice, Front
 from paretoik.front.provenance import NAVIGATIONS
 from paretoik.inputs import file_path
-from paretoik.run_files import CERTIFICATES, PICTURE, RUN, STOPPED, can_resume, read_run
+from paretoik.run_files import CERTIFICATES, PICTURE, RECORDING, RUN, STOPPED, can_resume, read_run
 
 
 def navigate(
@@ -36,7 +36,8 @@ def navigate(
     it comes to then replaces its front. ``out`` names another folder, ``overwrite`` replaces a run there;
     ``problem`` is as for ``load_front``, the other arguments are those of ``Front.navigate``.
 
-    It moves from a ``point``, by default from the present choice of the run.
+    It moves from a ``point``, by default from the present choice of the run. Where the run has a recording, that of
+    the folder opens on the present choice and the new point beside each other, or on the new point alone.
 
     Raises InvalidInput for a run or a folder that cannot be used, and as ``Front.navigate`` does.
     """
@@ -51,6 +52,10 @@ def navigate(
         place = place if out is not None or not (_dominated(moved) or _goes_on(folder)) else _beside(folder, choice.id)
         moved.save(place)
         _draw(moved, folder, place)
+    if (folder / RECORDING).exists():
+        from paretoik.review.drawing.chosen_recording import show_choice_in_recording  # here: Rerun takes its time
+
+        show_choice_in_recording(moved, moved=choice, source=folder / RECORDING)
     return moved, choice, place
 
 

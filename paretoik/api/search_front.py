@@ -11,21 +11,22 @@ import numpy as np
 from paretoik.api.completion import complete_front
 from paretoik.api.generation_motions import GenerationMotions
 from paretoik.api.initial import InitialSolutions, merge_front
+from paretoik.api.least_violating import infeasible_error, least_violating
 from paretoik.api.progress import RunProgress
 from paretoik.api.refine import SearchImprover
 from paretoik.api.review_front import review_front
 from paretoik.api.run_session import RunSession
 from paretoik.api.settings import DEFAULTS, SolveSettings
-from paretoik.errors import Infeasible, InvalidInput
+from paretoik.errors import InvalidInput
 from paretoik.execution.time_limit import check_time_limit
 from paretoik.formulations.closed_loop_arguments import read_steps
-from paretoik.formulations.protocol import decode, explain_violation, has_branches
+from paretoik.formulations.protocol import has_branches
 from paretoik.formulations.requirements import check_formulation, require_program
 from paretoik.front.front import Front
 from paretoik.front.hypervolume_curve import HypervolumeCurve
 from paretoik.inputs import check_size, real_array, shown
 from paretoik.nlp.minimise import check_solver
-from paretoik.review.recording.recorder import Generation
+from paretoik.review.recording.recorder import Generation, SearchEnd
 from paretoik.review.recording.workcell import workcell_of
 from paretoik.run_files import STOPPED
 from paretoik.search.ask_tell import Search
@@ -33,8 +34,6 @@ from paretoik.search.endings import Ending, Evaluations, Generations, Progress, 
 from paretoik.search.evolution import evolve
 from paretoik.search.islands import Islands
 from paretoik.stop_flag import Interrupted
-from paretoik.task.motion_task import MotionTask
-from paretoik.trajectory.infeasibility import remedy_text
 
 INTERRUPTED = tuple(status for status in STOPPED if status != "time limit")
 
@@ -152,7 +151,10 @@ class FrontSearch:
             raise
         front = self._front(session, session.signal or status)
         if not len(front):
-            raise Interrupted if session.signal else _infeasible(search)
+            failure = infeasible_error(search)
+            with session.reviewing():
+                session.finish_recording(SearchEnd(front=None, least_violating=least_violating(search, failure)))
+            raise Interrupted if session.signal else failure
         return front
 
     def _front(self, session: RunSession, status: str) -> Front:
@@ -191,6 +193,7 @@ class FrontSearch:
             hypervolume=volume,
             reference=None if corner is None else corner * signs,
             failed=failed,
+            least_violating=None if session.recorder is None else least_violating(self.search),
             points=() if session.recorder is None else self._motions.points(progress),
         )
         shown = RunProgress(
@@ -247,20 +250,3 @@ def _endings(search: Search | Islands, settings: SolveSettings, generations: int
 def _json_number(value: float) -> float | str:
     """Return a number, which may be infinite, as strict JSON can hold it."""
     return float(value) if np.isfinite(value) else str(value)
-
-
-def _infeasible(search: Search | Islands) -> Infeasible:
-    nearest = search.archive.least_violating
-    if nearest is None:
-        return Infeasible(f"no feasible point in {search.evaluations} evaluations, and none without a failure")
-    limit, reason = explain_violation(search.problem, nearest.X, nearest.G[0])
-    motions = decode(search.problem, nearest.X)
-    task = getattr(search.problem, "task", None)
-    if isinstance(task, MotionTask) and motions is not None:
-        reason += remedy_text(task, motions[0])
-    return Infeasible(
-        f"no motion within the limits in {search.evaluations} evaluations; of the least-violating one, {reason}",
-        motion=None if motions is None else motions[0],
-        limit=limit,
-        violation=float(nearest.G.max()),
-    )

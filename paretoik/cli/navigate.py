@@ -34,6 +34,7 @@ def navigate(
     """Move from one point of a front to a new certified one that is better in an objective; the run gains it.
 
     Nothing is lost: a run whose points the new one dominates stays as it is, and the new front is kept beside it.
+    The recording opens on the new point, beside the present choice of the run if there is one.
     """
     with stdout_for_results():
         from paretoik.api.navigate import navigate as move

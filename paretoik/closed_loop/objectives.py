@@ -13,6 +13,7 @@ import numpy as np
 
 from paretoik.errors import InvalidInput
 from paretoik.inputs import check_flag, check_function, check_text, shown
+from paretoik.tables import html_representation
 from paretoik.task.motion import Motion
 from paretoik.task.objectives import Objective
 
@@ -53,6 +54,8 @@ class StepObjective:
 
     def __repr__(self) -> str:
         return f"StepObjective {self.name} [{self.unit}]{', maximised' if self.maximise else ''}"
+
+    _repr_html_ = html_representation
 
     @property
     def sign(self) -> float:

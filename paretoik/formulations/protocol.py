@@ -9,6 +9,7 @@ part                                     what it makes possible
 =======================================  ===========================================================================
 ``names, units, maximised``              named objectives in the user's own sign; without: f1, f2, ... minimised
 ``constraint_names, explain(genes)``     the limit that binds, by name, and why genes are infeasible, in words
+``constraint_units``                     what violations are measured in: words that follow a number
 ``computed_attributes``                  names of what follows from other attributes: in fingerprints, by which a
                                          run is recognised as the problem's, it is rounded
 ``search_attributes``                    names of what does not count there: how solutions are searched for
@@ -152,10 +153,22 @@ def encode(problem: Any, motions: Any) -> tuple[Genes, np.ndarray]:
     return genes, deviation
 
 
+def violation_words(problem: Any, violation: np.ndarray) -> tuple[str, ...]:
+    """Return which constraints an individual's violations (n_constr,) break and by how much, the worst first."""
+    units = getattr(problem, "constraint_units", ("",) * len(violation))
+    broken = [row for row in np.argsort(-violation, kind="stable") if violation[row] > 0]
+    names = _constraint_names(problem, violation)
+    return tuple(f"{names[row]}: violated by {violation[row]:.3g} {units[row]}".rstrip() for row in broken)
+
+
+def _constraint_names(problem: Any, violation: np.ndarray) -> Sequence[str]:
+    return getattr(problem, "constraint_names", [f"constraint {i + 1}" for i in range(len(violation))])
+
+
 def explain_violation(problem: Any, genes: Genes, violation: np.ndarray) -> tuple[str, str]:
     """Return the limit that an individual's genes (1, n_var) and violations (n_constr,) break most, and a sentence."""
     worst = int(np.argmax(violation))
-    names = getattr(problem, "constraint_names", tuple(f"constraint {i + 1}" for i in range(len(violation))))
+    names = _constraint_names(problem, violation)
     if hasattr(problem, "explain"):
         return names[worst], problem.explain(genes)[0]
     return names[worst], f"{names[worst]} is violated by {violation[worst]:.3g}"

@@ -275,6 +275,11 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
         """Return genes of ``count`` smooth motions near the bases, every base in turn, the bases themselves first."""
         return self.encoding.sample(count, rng)
 
+    @property
+    def constraint_units(self) -> tuple[str, ...]:
+        """What each violation is measured in."""
+        return ("of the samples", "", *("of its range",) * len(self.task.limit_names))
+
     def explain(self, genes: Genes) -> list[str]:
         """Return for each individual why it is infeasible, in words; "" where it is feasible."""
         q, on_path = self.encoding.decode(self.task, genes)

@@ -13,6 +13,7 @@ from paretoik.front.preference_options import OPTIONS
 from paretoik.front.reason import percent, subject
 from paretoik.front.subset import check_front
 from paretoik.front.ties import first_row
+from paretoik.tables import html_representation
 
 if TYPE_CHECKING:
     from paretoik.front.front import Choice, Front
@@ -29,6 +30,8 @@ class Compromise:
     where weights reach ends alone, and naming an objective twice does not move it (its augmentation aside). Of one
     objective it is the best point.
     """
+
+    _repr_html_ = html_representation
 
     def choose(self, front: Front) -> Choice:
         """Return the compromise of a front that has at least one point."""

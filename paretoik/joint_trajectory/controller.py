@@ -14,6 +14,7 @@ from paretoik.errors import InvalidInput
 from paretoik.inputs import check_flag, check_instance, check_text, finite_array, positive_number, read_list, shown
 from paretoik.robot.arm import Arm, check_arm
 from paretoik.robot.arm_inputs import joint_positions, limit_rows, symmetric_limits
+from paretoik.tables import html_representation
 
 JOINT_LIMITS = ("velocity", "acceleration", "jerk", "torque", "torque_rate")
 
@@ -104,6 +105,8 @@ class Controller:
 
     def __repr__(self) -> str:
         return f"Controller({self.name!r}, {self.rate:g} Hz, {len(self.joint_names)} joints)"
+
+    _repr_html_ = html_representation
 
     def velocity_bounds(self, q: Float[np.ndarray, "time dof"]) -> Float[np.ndarray, "2 time dof"]:
         """Return the lower and upper velocity limits [rad/s] at joint positions q."""

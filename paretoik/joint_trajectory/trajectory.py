@@ -14,6 +14,7 @@ from paretoik.errors import InvalidInput
 from paretoik.inputs import shown
 from paretoik.joint_trajectory.controller import check_joint_names
 from paretoik.joint_trajectory.time_scaling import TimeScaling
+from paretoik.tables import html_representation
 from paretoik.task.motion import Motion
 
 JointSeries = Float[np.ndarray, "time dof"]
@@ -42,6 +43,8 @@ class JointTrajectory:
 
     def __repr__(self) -> str:
         return f"JointTrajectory({len(self.time)} samples of {', '.join(self.joint_names)}, {self.time[-1]:g} s)"
+
+    _repr_html_ = html_representation
 
     def reorder(self, joint_names: Sequence[str]) -> JointTrajectory:
         """Return the trajectory with its columns in the order of ``joint_names``.

@@ -20,6 +20,7 @@ from paretoik.search.maximin import column, survivors
 from paretoik.search.nsga2 import MaxiMinNSGA2
 from paretoik.search.objectives import describe_objectives
 from paretoik.search.seeding import SMALLEST_POPULATION, check_algorithm, check_problem, checked_genes
+from paretoik.tables import html_representation
 
 if TYPE_CHECKING:
     from paretoik.front import Front
@@ -90,6 +91,8 @@ class Search:
         return (
             f"Search of {type(self.problem).__name__}: generation {self._generation}, {self._evaluations} evaluations"
         )
+
+    _repr_html_ = html_representation
 
     @property
     def seed(self) -> int:

@@ -32,6 +32,7 @@ from paretoik.search.insertion import (
     scaled,
     starting_points,
 )
+from paretoik.tables import html_representation
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,6 +203,8 @@ class MaxiMin(Survival):  # type: ignore[misc]  # pymoo has no types
 
     def __repr__(self) -> str:
         return "MaxiMin()" if self.ranges is None else f"MaxiMin(ranges={self.ranges.tolist()})"
+
+    _repr_html_ = html_representation
 
     def _do(self, problem: Any, pop: Any, *args: Any, n_survive: int, **kwargs: Any) -> Any:
         if self.ranges is not None and self.ranges.shape[1] != problem.n_obj:

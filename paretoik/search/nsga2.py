@@ -23,6 +23,7 @@ from paretoik.search.mating import BranchwiseMating
 from paretoik.search.maximin import MaxiMin, check_infeasible_share, column
 from paretoik.search.seeding import SMALLEST_POPULATION, check_bounds, check_sizes, seeded_population
 from paretoik.search.variables import Operators, check_sampling, has_real_genes, operators_for, samples_bits
+from paretoik.tables import html_representation
 
 
 class MaxiMinNSGA2(GeneticAlgorithm):  # type: ignore[misc]  # pymoo has no types
@@ -85,6 +86,8 @@ class MaxiMinNSGA2(GeneticAlgorithm):  # type: ignore[misc]  # pymoo has no type
 
     def __repr__(self) -> str:
         return f"MaxiMinNSGA2(pop_size={self.pop_size})"
+
+    _repr_html_ = html_representation
 
     def setup(self, problem: Any, **options: Any) -> Any:
         """Prepare for a problem; the options are pymoo's (seed, termination, callback, verbose, ...)."""

@@ -12,6 +12,7 @@ import numpy as np
 from paretoik.arrays import Values
 from paretoik.errors import InvalidInput
 from paretoik.inputs import check_choice, check_flag, check_function, check_text
+from paretoik.tables import html_representation
 from paretoik.task.motion import Motion
 from paretoik.user_functions import user_function
 
@@ -58,6 +59,8 @@ class Objective:
         direction = ", maximised" if self.maximise else ""
         unit = f" [{self.unit}]" if self.unit else ""
         return f"Objective {self.name}{unit}, {self.form}{direction}"
+
+    _repr_html_ = html_representation
 
     @property
     def sign(self) -> float:

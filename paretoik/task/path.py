@@ -12,6 +12,7 @@ from paretoik.arrays import Times, read_only
 from paretoik.errors import InvalidInput
 from paretoik.inputs import ArrayLike, check_magnitude, check_size, finite_array, positive_number, shown
 from paretoik.robot.pose import quaternion_to_matrix, rotation_vector
+from paretoik.tables import html_representation
 from paretoik.task.curves import CLOSURE_TOLERANCE, Curve, Line, Rates, SmoothCurve
 
 Points: TypeAlias = Float[np.ndarray, "time axes"]
@@ -51,6 +52,8 @@ class Path:
     def __repr__(self) -> str:
         kind = f"{self.positions.shape[1]}-D points" if self.quaternions is None else "poses"
         return f"Path({self.samples} {kind}, {self.duration:g} s)"
+
+    _repr_html_ = html_representation
 
     @property
     def samples(self) -> int:

@@ -10,8 +10,10 @@ from paretoik.api.load_front import load_front
 from paretoik.errors import InvalidInput
 from paretoik.execution.run_folder import LOCK
 from paretoik.loading import load_problem
-from paretoik.run_files import CHOICES
+from paretoik.review.drawing.recorded_views import ROOTS
+from paretoik.run_files import CHOICES, RECORDING
 from tests.cli.commands import strict
+from tests.review.reading import blank_views, read, views
 
 
 @pytest.fixture(scope="module")
@@ -141,3 +143,45 @@ def test_a_point_of_a_stopped_run_outlives_its_resumption(paretoik, mine, tmp_pa
     before = {file.name: file.read_bytes() for file in place.iterdir() if file.is_file()}
     assert paretoik("resume", out, "--problem", reference, "--time-limit", "4").code == 5
     assert {file.name: file.read_bytes() for file in place.iterdir() if file.is_file()} == before
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory, mine):
+    """A run with a certified front and its recording, to be read only."""
+    out, reference = tmp_path_factory.mktemp("runs") / "recorded", f"{mine}:good"
+    pk.epsilon_front(load_problem(reference), points=6, starts=6, reference=reference, out=out, observe=False)
+    return out
+
+
+def search_entities(file):
+    return {path for path in read(file) if path.split("/")[1] not in ROOTS}
+
+
+def test_the_recording_shows_the_new_point_alone_where_nothing_was_chosen(paretoik, recorded, tmp_path):
+    run = shutil.copytree(recorded, tmp_path / "run")
+    assert paretoik("navigate", run, "--point", middle(run), "--improve", "kinetic_energy").code == 0
+    front = load_front(run)
+    words = str(read(run / RECORDING))
+    assert f"Point {front.navigated.id}" in words
+    assert search_entities(run / RECORDING) == search_entities(recorded / RECORDING)
+    assert blank_views(run / RECORDING, {"motion": (0,)}) == []
+
+
+def test_the_recording_shows_the_new_point_beside_the_present_choice(paretoik, recorded, tmp_path):
+    run = shutil.copytree(recorded, tmp_path / "run")
+    start = load_front(run).select(middle(run)).id
+    assert paretoik("navigate", run, "--improve", "kinetic_energy").code == 0
+    new, words = load_front(run).navigated.id, str(read(run / RECORDING))
+    assert f"Point {start}" in words
+    assert f"Point {new}" in words
+
+
+def test_another_folder_has_a_recording_of_its_own_and_the_run_keeps_its_own(paretoik, recorded, tmp_path):
+    run, out = shutil.copytree(recorded, tmp_path / "run"), tmp_path / "new"
+    before = (run / RECORDING).read_bytes()
+    words = ("navigate", run, "--point", middle(run), "--improve", "torque_norm", "--out", out)
+    assert paretoik(*words).code == 0
+    assert (run / RECORDING).read_bytes() == before
+    assert f"Point {load_front(out).navigated.id}" in str(read(out / RECORDING))
+    assert search_entities(out / RECORDING) == search_entities(recorded / RECORDING)
+    assert set(views(out / RECORDING).values()) != set(views(run / RECORDING).values())

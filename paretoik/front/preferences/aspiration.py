@@ -16,6 +16,7 @@ from paretoik.front.preferences.named_numbers import named_numbers, named_text
 from paretoik.front.reason import list_words, percent, quantity
 from paretoik.front.subset import check_front, check_known
 from paretoik.front.ties import first_row
+from paretoik.tables import html_representation
 
 
 @dataclass(frozen=True, init=False, eq=False)
@@ -42,6 +43,8 @@ class Aspiration:
 
     def __repr__(self) -> str:
         return f"Aspiration({named_text(self.values)})"
+
+    _repr_html_ = html_representation
 
     def choose(self, front: Front) -> Choice:
         """Return the point with the least achievement function; raises InvalidInput where a name is no objective."""

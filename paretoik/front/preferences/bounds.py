@@ -16,6 +16,7 @@ from paretoik.front.front import Choice, Front
 from paretoik.front.reason import list_words, percent
 from paretoik.front.subset import Bound, bounds_by_axis, check_front, inside, merge_bounds, row_of, take
 from paretoik.front.ties import first_row
+from paretoik.tables import html_representation
 
 
 @dataclass(frozen=True, init=False, eq=False)
@@ -48,6 +49,8 @@ class Bounds:
 
     def __repr__(self) -> str:
         return f"Bounds({dict(self.bounds)}, then={self.then!r})"
+
+    _repr_html_ = html_representation
 
     def choose(self, front: Front) -> Choice:
         """Return what the named preference chooses within bounds.

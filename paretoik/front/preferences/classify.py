@@ -18,6 +18,7 @@ from paretoik.front.reason import amounts_in_words, list_words
 from paretoik.front.subset import check_front, check_known, row_of
 from paretoik.front.ties import first_row
 from paretoik.inputs import is_integer, read_list, shown
+from paretoik.tables import html_representation
 
 
 @dataclass(frozen=True, init=False, eq=False)
@@ -78,6 +79,8 @@ class Classify:
         classes = {field: getattr(self, field) for field in fields if getattr(self, field)}
         plain = {field: dict(value) if isinstance(value, Mapping) else list(value) for field, value in classes.items()}
         return f"Classify({self.current}, {', '.join(f'{field}={value!r}' for field, value in plain.items())})"
+
+    _repr_html_ = html_representation
 
     def choose(self, front: Front) -> Choice:
         """Return the best point that keeps to the classes; raises InvalidInput where these do not suit the front."""

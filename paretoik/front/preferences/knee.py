@@ -13,6 +13,7 @@ from paretoik.front.preference_options import OPTIONS
 from paretoik.front.reason import percent, subject
 from paretoik.front.subset import check_front
 from paretoik.front.ties import first_row
+from paretoik.tables import html_representation
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,6 +31,8 @@ class Knee:
     ``choose`` raises InvalidInput where there is no knee: of one objective, and of two where no point lies below the
     line (a straight or hollow front).
     """
+
+    _repr_html_ = html_representation
 
     def choose(self, front: Front) -> Choice:
         """Return the knee; raises InvalidInput where there is none."""

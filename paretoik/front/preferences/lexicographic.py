@@ -15,6 +15,7 @@ from paretoik.front.preferences.named_numbers import named_numbers
 from paretoik.front.subset import check_front, check_known
 from paretoik.front.ties import first_row
 from paretoik.inputs import shown
+from paretoik.tables import html_representation
 
 
 @dataclass(frozen=True, init=False, eq=False)
@@ -77,6 +78,8 @@ class Lexicographic:
         for field, values in (("tolerances", self.tolerances), ("tolerance_shares", self.tolerance_shares)):
             parts += [f"{field}={dict(values)}"] if values else []
         return f"Lexicographic({', '.join(parts)})"
+
+    _repr_html_ = html_representation
 
     def choose(self, front: Front) -> Choice:
         """Return the point that the order leads to; raises InvalidInput where a name is no objective."""

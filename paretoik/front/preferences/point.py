@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from paretoik.front.front import Choice, Front
 from paretoik.front.subset import row_of
+from paretoik.tables import html_representation
 
 
 @dataclass(frozen=True)
@@ -13,6 +14,8 @@ class Point:
     """The point with an id, picked by hand: what ``front.select(12)`` means."""
 
     point: int
+
+    _repr_html_ = html_representation
 
     def choose(self, front: Front) -> Choice:
         """Return the point; raises InvalidInput where the front does not have it."""

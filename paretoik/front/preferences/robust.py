@@ -17,6 +17,7 @@ from paretoik.front.reason import subject
 from paretoik.front.subset import check_front
 from paretoik.front.ties import first_row
 from paretoik.inputs import finite_number, shown
+from paretoik.tables import html_representation
 
 
 @dataclass(frozen=True, init=False, eq=False)
@@ -45,6 +46,8 @@ class Robust:
 
     def __repr__(self) -> str:
         return f"Robust({named_text(self.weights)}, uncertainty={self.uncertainty:g})"
+
+    _repr_html_ = html_representation
 
     def choose(self, front: Front) -> Choice:
         """Return the point with the least largest regret; raises InvalidInput where a weight names no objective."""

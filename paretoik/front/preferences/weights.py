@@ -16,6 +16,7 @@ from paretoik.front.reason import list_words, subject
 from paretoik.front.subset import check_front, check_known
 from paretoik.front.ties import first_row
 from paretoik.inputs import shown
+from paretoik.tables import html_representation
 
 
 @dataclass(frozen=True, init=False, eq=False)
@@ -40,6 +41,8 @@ class Weights:
 
     def __repr__(self) -> str:
         return f"Weights({named_text(self.weights)})"
+
+    _repr_html_ = html_representation
 
     def choose(self, front: Front) -> Choice:
         """Return the point with the smallest weighted sum; raises InvalidInput where a weight names no objective."""

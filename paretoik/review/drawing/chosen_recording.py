@@ -42,28 +42,33 @@ class RecordedLayout(rrb.Blueprint):
         stream.send_chunks(self._chunks)
 
 
-def show_choice_in_recording(front: Front) -> None:
+def show_choice_in_recording(front: Front, *, moved: Choice | None = None, source: Path | None = None) -> None:
     """Let the recording in a front's run folder open on the present choice, or as it was made where there is none.
 
-    Nothing is done for a closed loop, whose motion is its recording's anyhow. A recording that cannot be read or
-    replaced stays as it is, with a warning: the choice is kept elsewhere.
+    A point that was ``moved`` to is shown beside the present choice, or alone where there is none or another run's
+    recording is the ``source``. Nothing is done for a closed loop, whose motion is its recording's anyhow. A recording
+    that cannot be read or replaced stays as it is, with a warning: the choice, or point, is kept elsewhere.
     """
     if front.folder is None or is_loop(front):
         return
     recording = front.folder / RECORDING
+    source = recording if source is None else source
     try:
         with only_writer(front.folder):  # so that of several choices the recording has the last
             check_no_run(front.folder)
-            read_plain_file(recording)  # no link, whose target would stay as it is
+            read_plain_file(source)  # no link, whose target would stay as it is
             point = front.choices.chosen
             if point is not None and point.point not in front:  # of a newer front, whoever chose it
                 return
-            recorded = _read_whole(recording)
-            content = recording_with_choice(front, chosen(front), recording=recording)
+            recorded = _read_whole(source)
+            shown = {each.id: each for each in (chosen(front), moved) if each is not None}
+            choice, compare = (*shown.values(), None, None)[:2]
+            content = recording_with_choice(front, choice, recording=source, compare=compare)
             replace_file(recording, content, check=lambda file: _check_holds(file, recorded))
     except Exception as fault:  # it is a view, and may fail in any way
         cause = str(fault) if isinstance(fault, ParetoikError) else f"{recording}: {type(fault).__name__}: {fault}"
-        text = f"the recording stays as it was, the choice is kept: {' '.join(cause.split())}"
+        what = "choice" if moved is None else "point"
+        text = f"the recording stays as it was, the {what} is kept: {' '.join(cause.split())}"
         warnings.warn(text, RuntimeWarning, stacklevel=4)
 
 

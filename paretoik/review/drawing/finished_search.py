@@ -20,7 +20,7 @@ from paretoik.review.drawing.joint_charts import posture_chart
 from paretoik.review.drawing.legend import Legend
 from paretoik.review.drawing.legend_entries import search_entries
 from paretoik.review.drawing.motion_scene import CHOSEN, MotionScene
-from paretoik.review.drawing.point_text import choice_text, point_text, reason_text, text_of
+from paretoik.review.drawing.point_text import choice_text, infeasible_text, point_text, reason_text, text_of
 from paretoik.review.drawing.recording_layout import TEXT, WHY, Layout, text_view
 from paretoik.review.drawing.replay_clock import ReplayClock, has_motions, is_moving, replay_times
 from paretoik.review.drawing.search_charts import DrawnChart
@@ -29,7 +29,7 @@ from paretoik.review.even_rows import even_rows
 from paretoik.review.palette import SCREEN
 from paretoik.review.recording.recorded_end import end_points, front_point
 from paretoik.review.recording.recorded_point import RecordedPoint
-from paretoik.review.recording.recorder import Generation, SearchEnd
+from paretoik.review.recording.recorder import Generation, LeastViolating, SearchEnd
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -55,6 +55,8 @@ class FinishedSearch:
             self._log_generation(stream, generation, self._moved[place])
         if self._end.front is not None:
             self._log_front(stream, self._end.front)
+        if self._nearest is not None:
+            self._log_nearest(stream, self._nearest)
         stream.reset_time()
         self._send_motions(stream)
         if self._end.front is not None and self._is_walked:
@@ -84,7 +86,8 @@ class FinishedSearch:
             self._motions.log_postures(stream, self._postures[2].T)
 
     def _log_generation(self, stream: rr.RecordingStream, generation: Generation, moved: int | None) -> None:
-        words = text_of(self.search.scene, generation, moved, outside=self._views.outside(generation))
+        end = "the final front" if self._nearest is None else "the last population"
+        words = text_of(self.search.scene, generation, moved, outside=self._views.outside(generation), end=end)
         self._views.log_generation(stream, generation, words)
         if self._motions is not None:
             self._motions.log_whole(stream, generation.points)
@@ -125,6 +128,16 @@ class FinishedSearch:
             self._motions.log_whole(stream, points)
         if self._postures is not None and self._end.choice is not None:
             self._postures[0].log_cursor(stream, float(self._end.choice.objectives[0]))
+
+    def _log_nearest(self, stream: rr.RecordingStream, nearest: LeastViolating) -> None:
+        """Say what is broken where nothing is feasible, and show the motion that breaks least."""
+        self._at_the_end(stream)
+        words = infeasible_text(self.search.scene, nearest, self.search.recorded.workcell)
+        stream.log(TEXT, rr.TextDocument(words, media_type="text/markdown"))
+        scene, canvases = self.search.scene, self._views.canvases
+        scene.log_marked(stream, self._end_points, canvases, avoided=self._drawn, taken=self._lines)
+        if self._motions is not None:
+            self._motions.log_whole(stream, self._end_points)
 
     def _send_motions(self, stream: rr.RecordingStream) -> None:
         """Let arms move: on ``motion`` those of the end, on ``replay`` those of every generation that has some."""
@@ -197,9 +210,11 @@ class FinishedSearch:
 
     @cached_property
     def _end_points(self) -> tuple[RecordedPoint, ...]:
-        """The points drawn for themselves at the end: of the front, or where there is none of the last generation."""
+        """The points drawn for themselves at the end: of the front, the least-violating, or the last generation's."""
         if self._end.front is not None:
             return end_points(self._end.front, self._end.choice)
+        if self._nearest is not None:
+            return () if self._nearest.point is None else (self._nearest.point,)
         with_motions = [each.points for each in self._generations if has_motions(each.points)]
         return with_motions[-1] if with_motions else ()
 
@@ -209,7 +224,10 @@ class FinishedSearch:
         fronts += [] if self._end.front is None else [self._end.front.objectives]
         if fronts and len(fronts[-1]) and self.search.scene.timeline != "refinement":  # of which both are looked at
             return replay_window(fronts)
-        return np.concatenate([np.empty((0, len(self.search.scene.names))), *fronts])
+        shown = np.concatenate([np.empty((0, len(self.search.scene.names))), *fronts])
+        if len(shown):
+            return shown
+        return np.concatenate([shown, *(each.population for each in self._generations[-1:])])  # none is feasible
 
     @property
     def _generations(self) -> Sequence[Generation]:
@@ -218,6 +236,18 @@ class FinishedSearch:
     @property
     def _end(self) -> SearchEnd:
         return self.search.end
+
+    @property
+    def _nearest(self) -> LeastViolating | None:
+        """What comes nearest to being feasible, where nothing is."""
+        return self._end.least_violating
+
+    @property
+    def _chosen_words(self) -> str:
+        """What the point is that is drawn solid at the end."""
+        if self._nearest is not None:
+            return "least-violating"
+        return CHOSEN if self._end.front is not None and self._end.choice is not None else "compromise"
 
     @cached_property
     def _views(self) -> FrontViews:
@@ -253,14 +283,16 @@ class FinishedSearch:
         if self._postures is not None:
             joints = [self._postures[0]]
         scene, choice = self.search.scene, self._end.choice
-        words = CHOSEN if self._end.front is not None and choice is not None else "compromise"
+        chosen = "compromise" if self._nearest is None else self._chosen_words
         why = [] if choice is None else [rrb.TextDocumentView(origin=WHY, name="why")]
         return Layout(
-            legend=Legend(entity="legend", entries=search_entries(scene, motions, walked=self._is_walked)),
+            legend=Legend(
+                entity="legend", entries=search_entries(scene, motions, chosen=chosen, walked=self._is_walked)
+            ),
             front=self._views.front,
             charts=self._views.charts,
             arm=None if motions is None else motions.view(),
             joints=[chart.view() for chart in joints],
-            texts=[text_view(f"{scene.timeline}, {words}"), *why, *self._views.notes],
+            texts=[text_view(f"{scene.timeline}, {self._chosen_words}"), *why, *self._views.notes],
             timeline=scene.timeline,
         )

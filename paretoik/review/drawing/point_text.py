@@ -9,10 +9,12 @@ import numpy as np
 
 from paretoik.front.compromise import COMPROMISE_IN_WORDS
 from paretoik.front.front import Choice, Front
+from paretoik.review.drawing.broken_limits import broken_limits
 from paretoik.review.drawing.screen_text import screen_text, unbroken_units
 from paretoik.review.drawing.search_charts import front_size
 from paretoik.review.drawing.search_scene import SearchScene
-from paretoik.review.recording.recorder import Generation
+from paretoik.review.recording.recorder import Generation, LeastViolating
+from paretoik.review.recording.workcell import Workcell
 from paretoik.review.run_words import counted, run_text
 
 
@@ -66,14 +68,22 @@ def _point_text(front: Front, row: int, title: str, reason: str) -> str:
     return screen_text(unbroken_units("\n\n".join(part for part in parts if part), front.units))
 
 
-def text_of(scene: SearchScene, generation: Generation, moved: int | None = None, *, outside: int = 0) -> str:
+def text_of(
+    scene: SearchScene,
+    generation: Generation,
+    moved: int | None = None,
+    *,
+    outside: int = 0,
+    end: str = "the final front",
+) -> str:
     """Return what is to be known of a generation and its compromise, or of a step of a closed loop.
 
-    ``moved`` is the generation whose motions are shown with it, ``outside`` how many individuals lie outside the axes.
+    ``moved`` is the generation whose motions are shown with it, ``outside`` how many individuals lie outside the axes,
+    which show what is near the ``end``.
     """
     if scene.timeline == "step":
         return screen_text(_step_text(scene, generation))
-    outside_lines = outside_text(outside, len(generation.population), "the final front")
+    outside_lines = outside_text(outside, len(generation.population), end)
     words = "\n".join([_generation_text(scene, generation, moved), *outside_lines])
     return screen_text(unbroken_units(words, scene.units))
 
@@ -170,10 +180,34 @@ def _why_empty(generation: Generation) -> str:
     count = len(generation.population)
     if not count:
         return "Nothing could be evaluated yet."
-    return (
+    words = (
         f"None of the {counted(count, 'individual')} keeps all limits and constraints of the problem: a front has only "
         "points that do."
     )
+    if generation.least_violating is None:
+        return words
+    return "\n".join(
+        [words, "", "What the least-violating one so far breaks:", "", *_broken(generation.least_violating)]
+    )
+
+
+def infeasible_text(scene: SearchScene, nearest: LeastViolating, cell: Workcell | None) -> str:
+    """Return why a search has no front, and what its least-violating individual breaks, limits of joints in units."""
+    lines = ["# No feasible point", "", nearest.reason, "", "## Constraints broken", "", *_broken(nearest)]
+    point = nearest.point
+    limits = [] if cell is None or point is None or point.motion is None else broken_limits(cell, point.motion)
+    lines += ["", "## Limits of joints broken", "", *limits] if limits else []
+    if point is not None and np.isfinite(point.objectives).all():
+        lines += ["", "## Its objectives", ""]
+        lines += [
+            f"- **{_named_unit(name, unit)}**: {_value(point.objectives[axis], unit)}"
+            for axis, (name, unit) in enumerate(zip(scene.names, scene.units, strict=True))
+        ]
+    return screen_text(unbroken_units("\n".join(lines), scene.units))
+
+
+def _broken(nearest: LeastViolating) -> list[str]:
+    return [f"- {words}" for words in nearest.broken]
 
 
 def _heading(scene: SearchScene, generation: Generation) -> str:

@@ -45,6 +45,19 @@ Population: TypeAlias = Float[np.ndarray, "individuals n_obj"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class LeastViolating:
+    """The individual that breaks the constraints of a problem least, where none keeps them all.
+
+    ``broken`` are those that it breaks, each by how much; at the end of a search there are the ``reason`` why it has no
+    front, and the individual as a ``point``.
+    """
+
+    broken: tuple[str, ...]
+    reason: str = ""
+    point: RecordedPoint | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Generation:
     """One generation of a search: the objectives of its population and front in the user's own sign, the front's ids.
 
@@ -55,7 +68,8 @@ class Generation:
     closed loop has no hypervolume, but a point of its front, ``chosen``, that was taken. A step of an ε-sweep has all
     points so far for a population, and ``epsilon`` (n_obj,), the bounds under which it minimised, infinite for what was
     minimised; its ids are those of the sweep alone. A refined front has the front before it for a population, and
-    ``origins`` (points, n_obj), where its points were there.
+    ``origins`` (points, n_obj), where its points were there. Where there is no front, ``least_violating`` says
+    what is broken.
     """
 
     number: int
@@ -70,6 +84,7 @@ class Generation:
     epsilon: Values | None = None
     origins: Objectives | None = None
     points: tuple[RecordedPoint, ...] = ()
+    least_violating: LeastViolating | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -118,12 +133,13 @@ class SearchEnd:
     """The end of a search: its ``front``, the ``choice`` and its motion.
 
     Without a front the generations are the steps of a closed loop, one to each sample of the motion, and some of them
-    may be ``searched``.
+    may be ``searched``; or nothing feasible was found, and ``least_violating`` is what comes nearest to it.
     """
 
     front: Front | None
     choice: Choice | None = None
     searched: Sequence[SearchedStep] = ()
+    least_violating: LeastViolating | None = None
 
     def __post_init__(self) -> None:
         """Leave the problem behind: it may be the user's own."""
