@@ -20,8 +20,8 @@ from paretoik.pareto.warm_start import insert_best, minimise_from
 from paretoik.self_motion.branches import branch_labels
 from paretoik.stop_flag import Interrupted
 from paretoik.tables import columns, field_representation, fit_screen, html_representation
-from paretoik.task.motion import Motion
 from paretoik.task.evaluation import require_values
+from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.infeasibility import (
     infeasible_error,
