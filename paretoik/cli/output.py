@@ -16,7 +16,10 @@ from typing import Any
 
 from paretoik.errors import InvalidInput
 
-PLAIN = str.maketrans("−–×·", "--x*")  # what no decomposition leads to
+PLAIN = str.maketrans(  # what no decomposition leads to
+    dict(zip("−–×·", "--x*", strict=True))
+    | {"ε": "eps", "χ": "chi", "π": "pi", "∂": "d", "≤": "<=", "≥": ">=", "°": " deg", "“": '"', "”": '"'}
+)
 STDIN, STDOUT, STDERR = 0, 1, 2  # descriptors of the process
 
 

@@ -19,7 +19,7 @@ from paretoik.errors import SolverFailed
 from paretoik.nlp.conic import Constraints
 from paretoik.nlp.criticality import criticality
 from paretoik.nlp.program import Goal, Program, bounded
-from paretoik.nlp.solutions import CONVERGED, INTERRUPTED, ITERATION_LIMIT, NO_PROGRESS, VIOLATED
+from paretoik.nlp.solutions import CONVERGED, INTERRUPTED, ITERATION_LIMIT, NO_PROGRESS, NOT_FINITE, VIOLATED
 from paretoik.nlp.subproblem import Step, convexify, solve_subproblem
 from paretoik.stop_flag import STOP
 
@@ -113,12 +113,13 @@ class _Attempt:
 def minimise(program: Program, x: Point, goal: Goal, options: SqpOptions = OPTIONS) -> Solution:
     """Return the local minimum of a goal that a point on, or near, the equalities leads to, or where a signal found it.
 
-    Raises EvaluationFailed where the program has no finite values or derivatives.
+    Where the program has no finite values or derivatives it ends at once; some programs raise EvaluationFailed then.
     """
-    search = _Search(program, x, goal, options)
-    while search.status is None:
-        search.advance()
-    return search.solution()
+    with np.errstate(invalid="ignore"):  # what is not finite is looked for
+        search = _Search(program, x, goal, options)
+        while search.status is None:
+            search.advance()
+        return search.solution()
 
 
 class _Search:
@@ -145,6 +146,9 @@ class _Search:
             return
         if self.iterations >= options.iterations:
             self.status = ITERATION_LIMIT
+            return
+        if not np.isfinite([self.iterate.merit(self.penalty), *self.at.gradients.flat]).all():
+            self.status = NOT_FINITE
             return
         self.iterations += 1
         model = self._model()

@@ -15,11 +15,12 @@ from jaxtyping import Float
 from paretoik.errors import Infeasible, SolverFailed
 from paretoik.nlp.minimise import check_solver, minimise
 from paretoik.nlp.program import Solver
-from paretoik.nlp.solutions import CONVERGED, INTERRUPTED, STATUSES, Solutions, concatenate
+from paretoik.nlp.solutions import CONVERGED, INTERRUPTED, NOT_FINITE, STATUSES, Solutions, concatenate
 from paretoik.pareto.warm_start import insert_best, minimise_from
 from paretoik.self_motion.branches import branch_labels
 from paretoik.stop_flag import Interrupted
 from paretoik.tables import columns, field_representation, fit_screen, html_representation
+from paretoik.task.evaluation import require_values
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.infeasibility import (
@@ -111,7 +112,7 @@ def find_optima(
 
     Raises InvalidInput where the objective or a limit has no derivative, or a kink and ``solver`` is "interior-point";
     OutOfReach or Infeasible where there is no motion; Infeasible with the least-violating motion where none keeps the
-    limits; SolverFailed where limits hold but no start converged.
+    limits; SolverFailed where limits hold but no start converged, EvaluationFailed where no start had values.
     """
     assert len(task.objectives) == 1, "one objective at a time is planned for"
     if solver != "auto":  # before any work
@@ -242,10 +243,12 @@ def _optima(
 
 
 def _failure(task: MotionTask, solutions: Solutions, starts: int | None, seed: int) -> Infeasible | SolverFailed:
-    status = STATUSES[int(solutions.status[0])]
+    """Return why no search ended well; raises EvaluationFailed where the functions have no value at any end."""
+    status, level = STATUSES[int(solutions.status[0])], task.subsample(solutions.x.shape[1])
+    if (solutions.status == NOT_FINITE).all():
+        require_values(level, level.motion(solutions.x))
     if solutions.violation[0] <= OPTIONS.feasible:
         return SolverFailed(f"no start led to an optimum; the best ended with: {status}")
-    level = task.subsample(solutions.x.shape[1])
     obstructed = bool(task.obstacles) and _is_feasible(without_obstacles(level), starts or RESTARTS.starts, seed)
     return infeasible_error(task, level, level.motion(solutions.x[0]), obstructed=obstructed, status=status)
 

@@ -18,6 +18,7 @@ from pathlib import Path
 
 import pytest
 
+from paretoik.cli.output import process_output
 from tests.cli.commands import MINE, PANDA, ROOT
 
 FULL, NOWHERE = "/dev/full", "/dev/null"
@@ -139,6 +140,12 @@ def test_a_terminal_of_ascii_letters_is_written_to_in_ascii(place, tmp_path, ver
     assert ran.stdout or verb == "show"
     assert "?" not in ran.stdout.replace("<?", "")
     check_kept(verb, tmp_path / "new")
+
+
+def test_letters_of_messages_have_plain_ones():
+    with process_output():
+        written = "2 levels of ε, χ² ≤ π, N²m²s ≥ −1, 3°".encode("ascii", "paretoik.plain")
+    assert written == b"2 levels of eps, chi2 <= pi, N2m2s >= -1, 3 deg"
 
 
 @pytest.mark.parametrize("verb", verbs())

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.errors import Infeasible, InvalidInput
+from paretoik.errors import EvaluationFailed, Infeasible, InvalidInput
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.minimise import minimise
 from paretoik.trajectory.grid_oracle import grid_oracle
@@ -89,6 +89,20 @@ def test_a_function_that_fails_where_the_grid_probes_is_planned_for_without_its_
     ):
         grid_oracle(problem.task, quick=True)
     assert pk.plan(problem).best.objective < 1.001 * pk.plan(original).best.objective
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+@pytest.mark.parametrize("solver", ["sqp", "auto"])
+def test_an_objective_without_a_value_where_every_search_begins_is_named(bad, solver):
+    @pk.objective(unit="rad²/s", form="integral")
+    def sometimes(motion):
+        return np.where(motion.q[..., -1, :1] > -1.0, bad, motion.dq[..., -1] ** 2)
+
+    line = pk.line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=26)
+    limits = pk.Limits(position=np.deg2rad([90, 120, 120]))
+    problem = pk.Tracking(pk.arms.tringali_3r(), line, objectives=[sometimes], limits=limits)
+    with pytest.raises(EvaluationFailed, match=f"objective sometimes is {bad}"):
+        pk.plan(problem, starts=3, solver=solver)
 
 
 def test_a_grid_lets_a_joint_rest_that_may_not_move():

@@ -1,6 +1,6 @@
 """Files and command lines led by coverage: what readers of URDFs, run folders and command lines make of any bytes.
 
-    python -m studies.benchmarks.reliability.fuzzing [--seconds N] [--targets urdf folders commands] [--crashes FOLDER]
+    python -m studies.benchmarks.reliability.fuzzing [--seconds N] [--targets NAME ...] [--crashes FOLDER]
 
 Each target is fuzzed so long, from the inputs in tests/fuzzing/corpus on. Every new kind of defect is a line with the
 file that it is kept in: copied into the corpus, it is a test. Atheris is wanted (pip install ".[bench]").

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import io
 import os
+import shutil
 import sys
-from contextlib import chdir, redirect_stderr, redirect_stdout
+from contextlib import ExitStack, chdir, redirect_stderr, redirect_stdout
 from pathlib import Path
 from unittest.mock import patch
 
@@ -19,7 +20,9 @@ FILES = {
     '<parent link="a"/><child link="b"/></joint></robot>',
     "faulty.urdf": '<robot name="r"><link name="a"/><link name="a"/></robot>',
     "no_problem.py": "value = 3\n",
+    "tiny.py": "from pymoo.problems import get_problem\n\ntiny = get_problem('zdt1', n_var=2)\n",
 }
+SCREENS = ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET")  # no viewer is to open
 
 
 class CommandLines:
@@ -35,13 +38,20 @@ class CommandLines:
 
     def run(self, words: list[str]) -> None:
         """Run the words of a command; raise Defect."""
+        shutil.rmtree(self._folder)
+        self._folder.mkdir()
         whole_run(self._folder / "run")
         for name, text in FILES.items():
             (self._folder / name).write_text(text)
         out, err = io.StringIO(), io.StringIO()
         code: object = None
         argv = patch.object(sys, "argv", ["paretoik", *words])
-        with refusals(), chdir(self._folder), redirect_stdout(out), redirect_stderr(err), argv:
+        with ExitStack() as stack:
+            for context in (refusals(), chdir(self._folder), redirect_stdout(out), redirect_stderr(err), argv):
+                stack.enter_context(context)
+            stack.enter_context(patch.dict(os.environ))
+            for name in SCREENS:
+                os.environ.pop(name, None)
             try:
                 main()
             except SystemExit as end:

@@ -10,12 +10,14 @@ from typing import TypeAlias
 from studies.benchmarks.reliability.fuzzing.command_lines import CommandLines
 from studies.benchmarks.reliability.fuzzing.run_folders import RunFolders
 from studies.benchmarks.reliability.fuzzing.urdf_files import UrdfFiles
+from studies.benchmarks.reliability.fuzzing.verb_options import VerbOptions
 
 CORPUS = Path(__file__).parents[4] / "tests" / "fuzzing" / "corpus"
 TARGETS: dict[str, Callable[[Path], UrdfFiles | RunFolders | CommandLines]] = {
     "urdf": UrdfFiles,
     "folders": RunFolders,
     "commands": CommandLines,
+    "options": VerbOptions,
 }
 Target: TypeAlias = Callable[[bytes], None]
 
