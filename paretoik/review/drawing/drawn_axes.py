@@ -42,8 +42,8 @@ class Canvas:
     """A window (lower and upper corner) of a plane with a label an axis, ``width`` by ``height`` large at ``origin``.
 
     ``ticked`` says which axes have ticks and their label; without, a neighbour has them. ``label_drop`` moves the label
-    below further down, out of a neighbour's way; no label reaches beyond the ``right_edge`` of the view. Right of the
-    frame ``side_room`` [pixels] are free.
+    below further down, out of a neighbour's way; no label reaches beyond the ``right_edge`` of the view, no number of a
+    tick below farther than ``overhang`` beyond the frame. Right of the frame ``side_room`` [pixels] are free.
     """
 
     low: Values
@@ -55,6 +55,7 @@ class Canvas:
     ticked: tuple[bool, bool] = (True, True)
     label_drop: float = 0.0
     right_edge: float = np.inf
+    overhang: float = np.inf
     side_room: float = 0.0
 
     def place(self, points: np.ndarray) -> np.ndarray:
@@ -108,8 +109,11 @@ class Canvas:
         (x, y), (width, height) = self.origin, (self.width, self.height)
         if self.ticked[0]:
             under = self.place(np.array([(tick, self.low[1]) for tick in across]).reshape(-1, 2))
-            words += tick_words(across)
-            places += list(under + np.array([0.0, 0.7 * TEXT.line]))
+            for word, place in zip(tick_words(across), under, strict=True):
+                half = 0.5 * text_width(word)
+                if x - self.overhang <= place[0] - half and place[0] + half <= x + width + self.overhang:
+                    words.append(word)
+                    places.append(place + np.array([0.0, 0.7 * TEXT.line]))
             words.append(self.labels[0])
             middle = min(x + width / 2, self.right_edge - 0.5 * text_width(self.labels[0]) - 8.0)
             places.append(np.array([middle, y + height + 1.75 * TEXT.line + self.label_drop]))

@@ -59,7 +59,7 @@ class Panels:
         columns = count if matrix else int(np.ceil(np.sqrt(count)))
         rows = count if matrix else int(np.ceil(count / columns))
         column, row = (first, second - 1) if matrix else (number % columns, number // columns)
-        across, below = (12.0, TEXT.line + 8.0) if matrix else (TEXT.left + 10.0, TEXT.top + TEXT.bottom)
+        across, below = (12.0, 2.0 * TEXT.line) if matrix else (TEXT.left + 10.0, TEXT.top + TEXT.bottom)
         width = (VIEWS.panels[0] - TEXT.left - TEXT.right - (columns - 1) * across) / columns
         height = (VIEWS.panels[1] - TEXT.top - TEXT.bottom - self._stagger - (rows - 1) * below) / rows
         down = self._stagger * (column % 2) if matrix else 0.0
@@ -72,6 +72,7 @@ class Panels:
             origin=np.array([column * (width + across), row * (height + below)]),
             ticked=(row == rows - 1, column == 0) if matrix else (True, True),
             label_drop=down,
+            overhang=0.45 * across,
             right_edge=VIEWS.panels[0] - TEXT.left,
             side_room=(columns - 1 - column) * (width + across) if matrix and column == row else 0.0,
         )

@@ -1,0 +1,50 @@
+"""The panels of pairs of objectives: no number or name covers another, whatever the values."""
+
+from __future__ import annotations
+
+from itertools import chain, combinations
+
+import numpy as np
+import pytest
+
+from paretoik.review.drawing.drawn_axes import TEXT, text_width
+from paretoik.review.drawing.front_panels import Panels
+
+LETTERS = 0.9  # height of words, of their line
+
+
+def boxes(canvases) -> list[tuple[str, np.ndarray, np.ndarray]]:
+    """The words of all panels with the corners of what they cover."""
+    words, places = zip(*(canvas._labels(*canvas._ticks()) for canvas in canvases), strict=True)
+    return [
+        (word, place - half, place + half)
+        for word, place in zip(chain.from_iterable(words), np.concatenate(places), strict=True)
+        for half in [0.5 * np.array([text_width(word), LETTERS * TEXT.line])]
+    ]
+
+
+def random_points(rng: np.random.Generator, count: int) -> np.ndarray:
+    low = rng.uniform(-1.0, 1.0, count) * 10.0 ** rng.integers(-3, 3, count)
+    return low + 10.0 ** rng.uniform(-2.0, 2.0, count) * rng.random((5, count))
+
+
+@pytest.mark.parametrize("count", [2, 3])
+def test_no_number_or_name_of_a_panel_covers_another(count):
+    rng = np.random.default_rng(0)
+    panels = Panels(labels=tuple(f"objective{k} [J s]" for k in range(count)))
+    for _ in range(200):
+        covers = boxes(panels.canvases(random_points(rng, count)))
+        for (word, low, high), (other, bottom, top) in combinations(covers, 2):
+            assert (np.minimum(high, top) - np.maximum(low, bottom)).min() <= 1e-9, (word, other)
+
+
+@pytest.mark.parametrize("count", [2, 3, 4])
+def test_every_axis_keeps_a_number(count):
+    rng = np.random.default_rng(1)
+    panels = Panels(labels=tuple(f"objective{k} [J s]" for k in range(count)))
+    for _ in range(200):
+        for canvas in panels.canvases(random_points(rng, count)):
+            _, places = canvas._labels(*canvas._ticks())
+            foot = canvas.origin[1] + canvas.height
+            below = (places[:, 1] > foot) & (places[:, 1] < foot + TEXT.line)
+            assert below.any() == canvas.ticked[0]
