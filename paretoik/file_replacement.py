@@ -12,6 +12,7 @@ import os
 import shutil
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path
 
 from paretoik.errors import InvalidInput
@@ -52,14 +53,27 @@ def replace_files(folder: Path, contents: Mapping[str, bytes]) -> None:
         try:
             _remove(part)
             part.mkdir()
-            for name, content in contents.items():
-                _write(part / name, content)
-            _synchronise(part)
+            with plain_folder(part) as place:
+                for name, content in contents.items():
+                    _write(Path(name), content, place)
+                os.fsync(place)
             part.rename(folder / SAVED)
         finally:
             _remove(part)
         _synchronise(folder)
         _move_saved(folder)
+    if os.path.lexists(folder / SAVED):  # somebody put it in the place of ours
+        raise InvalidInput(f"{folder}: wanted to write it, got something else in the place of {SAVED}")
+
+
+@contextmanager
+def plain_folder(folder: Path) -> Iterator[int]:
+    """Yield the descriptor of a folder, for what is done in it; raises OSError for a link, which may lead anywhere."""
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+    try:
+        yield descriptor
+    finally:
+        os.close(descriptor)
 
 
 @contextmanager
@@ -124,10 +138,11 @@ def _remove(part: Path) -> None:
     shutil.rmtree(part, ignore_errors=True)
 
 
-def _write(file: Path, content: bytes) -> None:
-    """Write a file that is not there yet: what a killed process left in its place goes, and a link is not followed."""
-    file.unlink(missing_ok=True)
-    with file.open("xb") as sink:
+def _write(file: Path, content: bytes, folder: int | None = None) -> None:
+    """Write a file, in the folder of a descriptor: what a killed process left there goes, no link is followed."""
+    with suppress(FileNotFoundError):
+        os.unlink(file, dir_fd=folder)
+    with open(file, "xb", opener=partial(os.open, mode=0o666, dir_fd=folder)) as sink:
         sink.write(content)
         sink.flush()
         os.fsync(sink.fileno())

@@ -29,7 +29,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from paretoik.errors import InvalidInput, InvalidRun
-from paretoik.file_replacement import refusal
+from paretoik.file_replacement import plain_folder, refusal
 from paretoik.stop_flag import STOP
 
 MAGIC = b"paretoik journal 1\n"
@@ -65,8 +65,10 @@ class Journal:
         self._end, self._digest = len(MAGIC), hashlib.sha256(MAGIC).digest()  # of the last whole frame
         with refusal(f"{file}: wanted to write the journal of a run"):
             file.parent.mkdir(parents=True, exist_ok=True)
-            # Opened by hand because a link in its place must not be followed.
-            self._descriptor = os.open(file, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
+            # Opened by hand because a link in its place, or in that of its folder, must not be followed.
+            with plain_folder(file.parent) as folder:
+                flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW
+                self._descriptor = os.open(file.name, flags, 0o666, dir_fd=folder)
         try:
             self._read()
         except BaseException:

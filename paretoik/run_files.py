@@ -174,7 +174,8 @@ def has_result(folder: Path) -> bool:
 
 def can_resume(folder: Path) -> bool:
     """Say whether a folder holds a run that was stopped, or killed, and can go on."""
-    return is_run(folder / RUN) and (folder / CHECKPOINT / JOURNAL).is_file()
+    checkpoint = folder / CHECKPOINT
+    return is_run(folder / RUN) and (checkpoint / JOURNAL).is_file() and not checkpoint.is_symlink()
 
 
 def unfinished_note(folder: Path) -> str:

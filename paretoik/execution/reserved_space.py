@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from paretoik.errors import InvalidInput
+from paretoik.file_replacement import plain_folder
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,7 +44,9 @@ class ReservedSpace:
     def take(self) -> None:
         """Hold the room; raises OSError where there is none."""
         self._file.parent.mkdir(exist_ok=True)
-        descriptor = os.open(self._file, os.O_CREAT | os.O_RDWR | os.O_NOFOLLOW, 0o600)
+        with plain_folder(self._file.parent) as folder:
+            flags = os.O_CREAT | os.O_RDWR | os.O_NOFOLLOW
+            descriptor = os.open(self._file.name, flags, 0o600, dir_fd=folder)
         try:
             os.posix_fallocate(descriptor, 0, OPTIONS.bytes)
         finally:
@@ -51,8 +54,8 @@ class ReservedSpace:
 
     def release(self) -> None:
         """Leave the room to what it was held for."""
-        with suppress(OSError):
-            self._file.unlink(missing_ok=True)
+        with suppress(OSError), plain_folder(self._file.parent) as folder:
+            os.unlink(self._file.name, dir_fd=folder)
 
 
 def _free(folder: Path) -> str:

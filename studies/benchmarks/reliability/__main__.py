@@ -35,6 +35,7 @@ from studies.benchmarks.reliability.journals import count_flips, count_wrong_cut
 from studies.benchmarks.reliability.kills import (
     COMMANDS,
     Kill,
+    Outcome,
     WholeRun,
     kill,
     result_of,
@@ -70,7 +71,7 @@ class ReliabilityOptions:
 
 
 OPTIONS = ReliabilityOptions()
-LOST = ("refused", "another result")
+LOST: tuple[Outcome, ...] = ("refused", "another result")
 PARTS = ("kills", "journal", "disks")
 
 

@@ -56,7 +56,7 @@ class Killer:
         self._main = threading.main_thread().ident
         self._synchronise, self._write = os.fsync, os.pwrite
         sys.addaudithook(self._see)
-        os.fsync, os.pwrite = self._synchronised, self._written  # which raise no audit events
+        os.fsync, os.pwrite = self._synchronised, self._written  # type: ignore[assignment]  # which raise no audit events
         self._watch_journals()
         atexit.register(self._tell)
 
@@ -113,7 +113,7 @@ class Killer:
             append(journal, key, values)
             self._note(key, values)
 
-        Journal.get, Journal.append = get_watched, append_watched  # type: ignore[method-assign]
+        Journal.get, Journal.append = get_watched, append_watched  # type: ignore[method-assign, assignment]
 
     def _note(self, key: bytes, values: Mapping[str, np.ndarray] | None) -> None:
         if values is None:
