@@ -27,7 +27,8 @@ class ParetoikError(Exception):
     exit_code = 1
 
     def __init__(self, message: str = "") -> None:
-        super().__init__(" ".join(message.split()))  # what a foreign error says may have several lines
+        line = " ".join(message.split())  # what a foreign error says may have several lines, and bytes of a file
+        super().__init__("".join(letter if letter.isprintable() else "?" for letter in line))
 
 
 class InvalidInput(ParetoikError, ValueError):  # noqa: N818  the name says what it is; "Error" would add nothing

@@ -15,6 +15,8 @@ from paretoik.formulations.protocol import timeline
 from paretoik.inputs import likely_spelling, shown
 from paretoik.shell_command import shell_command
 
+LONGEST = 200  # characters of a reference that is shown whole
+
 
 def load_problem(reference: str) -> Any:
     """Return the pymoo problem, or closed loop, that ``file.py:name`` or ``package.module:name`` stands for.
@@ -36,11 +38,11 @@ def load_problem(reference: str) -> Any:
     module = _import_module(place)
     value = getattr(module, name, None)
     if value is None:
-        raise InvalidInput(f"problem {reference!r}: wanted one that {place} has, {_list_names(module, name)}")
+        raise InvalidInput(f"problem {_quoted(reference)}: wanted one that {place} has, {_list_names(module, name)}")
     problem = _call(value, module, reference) if _is_factory(value, module) else value
     if not _is_problem(problem):
         raise InvalidInput(
-            f"problem {reference!r}: wanted a pymoo problem or a function that returns one, got {problem!r}"
+            f"problem {_quoted(reference)}: wanted a pymoo problem or a function that returns one, got {shown(problem)}"
         )
     return problem
 
@@ -102,6 +104,11 @@ def _root_and_name(path: Path) -> tuple[Path, str]:
     return folder, ".".join(reversed(parts))
 
 
+def _quoted(reference: str) -> str:
+    """Return a reference as an error shows it: whole where it has the length of a path, as it may be typed again."""
+    return repr(reference) if len(reference) <= LONGEST else shown(reference)
+
+
 def _refuse_clash(root: Path, package: str) -> None:
     if package not in sys.modules:
         return
@@ -109,14 +116,14 @@ def _refuse_clash(root: Path, package: str) -> None:
     ours = (root / package / "__init__.py", root / f"{package}.py")
     if file is None or Path(file).resolve() not in ours:
         raise InvalidInput(
-            f"package {package!r}: wanted the one in {root}, but it is already imported from "
+            f"package {package!r}: wanted the one in {root}, got one already imported from "
             f"{file or 'elsewhere'}; rename yours"
         )
 
 
 def _list_names(module: ModuleType, name: str) -> str:
     offered = list(_offers(module))
-    return f"{', '.join(offered) or 'none'}, got {name!r}{likely_spelling(name, offered)}"
+    return f"{', '.join(offered) or 'none'}, got {shown(name)}{likely_spelling(name, offered)}"
 
 
 def _offers(module: ModuleType) -> dict[str, Any]:
@@ -157,7 +164,8 @@ def _call(function: Any, module: ModuleType, reference: str) -> Any:
     required = _required_arguments(function)
     if required:
         raise InvalidInput(
-            f"problem {reference!r}: wanted a function without arguments, got one that needs {', '.join(required)}"
+            f"problem {_quoted(reference)}: wanted a function without arguments, got one that needs "
+            f"{', '.join(required)}"
         )
     try:
         return function()
@@ -165,7 +173,7 @@ def _call(function: Any, module: ModuleType, reference: str) -> Any:
         raise
     except Exception as error:  # a user's function may raise anything
         summary = _summary(error, getattr(module, "__file__", None))
-        raise InvalidInput(f"problem {reference!r}: wanted to build it, got {summary}") from error
+        raise InvalidInput(f"problem {_quoted(reference)}: wanted to build it, got {summary}") from error
 
 
 def _required_arguments(function: Any) -> list[str]:

@@ -50,8 +50,11 @@ class CommandLines:
             for context in (refusals(), chdir(self._folder), redirect_stdout(out), redirect_stderr(err), argv):
                 stack.enter_context(context)
             stack.enter_context(patch.dict(os.environ))
+            stack.enter_context(patch.object(sys, "path", [*sys.path]))
             for name in SCREENS:
                 os.environ.pop(name, None)
+            for name in FILES:
+                sys.modules.pop(Path(name).stem, None)  # of another target's folder
             try:
                 main()
             except SystemExit as end:
