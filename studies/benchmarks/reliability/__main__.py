@@ -71,7 +71,7 @@ class ReliabilityOptions:
 
 
 OPTIONS = ReliabilityOptions()
-LOST: tuple[Outcome, ...] = ("refused", "another result")
+LOST: tuple[Outcome, ...] = ("refused", "another course", "another result")
 PARTS = ("kills", "journal", "disks")
 
 
@@ -113,7 +113,7 @@ def _kill_rows(folder: Path, count: int, names: Sequence[str]) -> Iterator[Row]:
 def _kills(name: str, folder: Path, count: int, replacements: Mapping[str, str]) -> Iterator[Kill]:
     run = whole_run(name, folder / "whole", replacements)
     shutil.rmtree(folder / "whole")
-    tell(f"{name}: whole, {run.seconds:.1f} s, {run.entries} entries")
+    tell(f"{name}: whole, {run.seconds:.1f} s, {len(run.entries)} entries")
     for number, (phase, amount) in enumerate(_moments(run, count)):
         again = amount / 2 if number % OPTIONS.twice == 0 else None
         killed = kill(run, phase, amount, folder / "killed", again=again)
@@ -135,7 +135,7 @@ def _phase_rows(kills: Sequence[Kill]) -> Iterator[Row]:
     for phase in PHASES:
         met = [each for each in kills if each.phase == phase and np.isfinite(each.orphaned)]
         lost = sum(each.outcome in LOST for each in met)
-        note = "refused, or to another result" if lost else ""
+        note = "refused, or by another course or to another result" if lost else ""
         yield Row(table="phases", row=phase, column="kills", unit="", ours=len(met), reference=20, source="goal")
         yield Row(table="phases", row=phase, column="lost", unit="", ours=lost, reference=0, source="goal", note=note)
 

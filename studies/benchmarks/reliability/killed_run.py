@@ -5,7 +5,7 @@ looked up in its stack every few milliseconds, from the moment on when the folde
 "refine" or "else", of which the amount is seconds. Of "write", "rename" and "fsync" it is the number of what the
 process does to files of that folder; the write to a journal that is killed is half done. The last line on stderr is
 JSON: of a process that kills itself when that was and the seconds of work by then that the journal has not, of one that
-comes to its end how much there was of every phase, and the digest of all that it took from its journal or put there.
+comes to its end how much there was of every phase, and digests of all that it took from its journal or put there.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class Killer:
         self._folder, self._phase, self._amount = str(folder), phase, amount
         self._amounts = Counter[str]()
         self._entries: dict[str, str] = {}  # of the journal: digests of values by key
-        self._claimed = self._saved = 0.0
+        self._claimed = self._unsaved = 0.0  # since when there is a folder; seconds of work since the last entry
         self._main = threading.main_thread().ident
         self._synchronise, self._write = os.fsync, os.pwrite
         sys.addaudithook(self._see)
@@ -64,7 +64,7 @@ class Killer:
         if self._folder not in str(arguments[:1]):
             return
         if not self._claimed and "run.json" in str(arguments[0]):
-            self._claimed = self._saved = time.monotonic()
+            self._claimed = time.monotonic()
             threading.Thread(target=self._look, daemon=True).start()
         if event == "os.rename":
             self._count("rename")
@@ -96,6 +96,7 @@ class Killer:
             time.sleep(OPTIONS.interval)
             phase, now = _phase_of(sys._current_frames().get(self._main or 0)), time.monotonic()
             self._amounts[phase] += now - before  # type: ignore[assignment]  # seconds
+            self._unsaved += 0.0 if phase == "else" else now - before
             before = now
             if phase == self._phase and self._amounts[phase] >= self._amount:
                 self._kill()
@@ -118,20 +119,19 @@ class Killer:
     def _note(self, key: bytes, values: Mapping[str, np.ndarray] | None) -> None:
         if values is None:
             return
-        self._saved = time.monotonic()
+        self._unsaved = 0.0
         if "rows" not in values:  # parts of a generation, which are as long as a moment allows
             digest = sha256()
             for name in sorted(values):
                 digest.update(name.encode() + np.ascontiguousarray(values[name]).tobytes())
-            self._entries[key.hex()] = digest.hexdigest()
+            self._entries[key.hex()] = digest.hexdigest()[:16]
 
     def _tell(self) -> None:
-        entries = sha256(json.dumps(self._entries, sort_keys=True).encode()).hexdigest()
-        done = {"amounts": self._amounts, "entries": len(self._entries), "digest": entries}
+        done = {"amounts": self._amounts, "entries": self._entries}
         print(json.dumps(done | {"seconds": time.monotonic() - self._claimed}), file=sys.stderr)
 
     def _kill(self) -> None:
-        done = {"killed": time.time(), "unsaved": time.monotonic() - self._saved, "entries": len(self._entries)}
+        done = {"killed": time.time(), "unsaved": self._unsaved, "entries": len(self._entries)}
         os.write(2, f"\n{json.dumps(done)}\n".encode())
         os.kill(os.getpid(), signal.SIGKILL)
 

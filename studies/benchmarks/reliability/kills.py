@@ -23,7 +23,7 @@ from paretoik.run_files import MOTIONS, OPTIMA, RUN, TABLE, can_resume
 from studies.benchmarks.checkouts import ROOT
 from studies.benchmarks.reliability.phases import Phase
 
-Outcome = Literal["nothing yet", "whole", "went on", "refused", "another result"]
+Outcome = Literal["nothing yet", "whole", "went on", "refused", "another course", "another result"]
 
 ENERGY_TORQUE = "problems/tringali_2020.py:energy_torque"
 SEARCH = ("solve", ENERGY_TORQUE, "--population=60", "--generations=40", "--seed=1")
@@ -55,8 +55,8 @@ COMMANDS: dict[str, tuple[str, ...]] = {
 class WholeRun:
     """A run that nobody killed: its ``command``, who computes (words of the command line), its result.
 
-    Further how much it has of every phase (seconds, or a number), its seconds, and the digest of its entries in the
-    journal.
+    Further how much it has of every phase (seconds, or a number), its seconds, and digests of its ``entries`` in the
+    journal by their keys.
     """
 
     name: str
@@ -65,15 +65,14 @@ class WholeRun:
     result: str
     amounts: Mapping[Phase, float]
     seconds: float
-    digest: str
-    entries: int
+    entries: Mapping[str, str]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Kill:
     """A kill: of which run, in which phase, at how much of it, what came of it, the ``cause`` if refused.
 
-    ``unsaved`` is the time since the journal last had an entry [s], ``orphaned`` how long processes lived on that the
+    ``unsaved`` is the work since the journal last had an entry [s], ``orphaned`` how long processes lived on that the
     killed one had started [s]; both not a number where the run was at its end before.
     """
 
@@ -132,8 +131,11 @@ def _outcome(run: WholeRun, process: subprocess.CompletedProcess[str], folder: P
         return "another result"
     if process.returncode == -signal.SIGKILL:
         return "whole"  # it had its result
-    digest = _last_words(process)["digest"]
-    return "another result" if digest != run.digest else "went on" if "resume" in process.args else "whole"
+    # What goes on asks for no more than the last of what was put down before, and for all that comes then.
+    entries: dict[str, str] = _last_words(process)["entries"]
+    if not entries.items() <= run.entries.items():
+        return "another course"
+    return "went on" if "resume" in process.args else "whole"
 
 
 def result_of(folder: Path) -> str:
