@@ -79,6 +79,7 @@ def test_what_each_returns_stands_by_its_key_and_what_one_raises_is_raised():
             processes.run_each(executor, float, {("a",): ["x"]})
 
 
+@pytest.mark.filterwarnings("ignore:cluster. no worker at .* is waited for")
 def test_workers_of_a_cluster_run_seeds_as_processes_of_this_machine_do(tmp_path):
     pytest.importorskip("distributed", reason="Dask is not installed: pip install paretoik[cluster]")
 
