@@ -63,6 +63,11 @@ class _LinePrinter:
         self.time_limit, self.interval, self.patient = time_limit, interval, patient
         self.due = time.monotonic() + interval if patient else 0.0
 
+    @property
+    def is_due(self) -> bool:
+        """Whether what is counted would be printed now; one that is not patient prints other stages at any time."""
+        return not self.patient or time.monotonic() >= self.due
+
     def __call__(self, progress: RunProgress) -> None:
         now = time.monotonic()
         uncounted = progress.stage == "compilation" or (not progress.total and not self.patient)

@@ -81,13 +81,18 @@ class RunSession(VerbSession):
     @property
     def is_watched(self) -> bool:
         """Whether a recorder or an observer looks on."""
-        return self.recorder is not None or self.observe is not None
+        return self.recorder is not None or self.is_observed
+
+    @property
+    def is_observed(self) -> bool:
+        """Whether there is an observer, and it is due: one that seldom says anything costs nothing meanwhile."""
+        return self.observe is not None and getattr(self.observe, "is_due", True)
 
     def show(self, progress: RunProgress) -> None:
         """Show the recorder and the observer how far the run has come."""
         if self.recorder is not None and progress.generation is not None:
             self.recorder.record(progress.generation)
-        if self.observe is not None:
+        if self.observe is not None and self.is_observed:
             self.observe(progress)
 
     def finish_recording(self, end: Any) -> None:

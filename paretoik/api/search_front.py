@@ -184,7 +184,7 @@ class FrontSearch:
         signs, front, failed = np.where(self.search.maximised, -1.0, 1.0), progress.front, progress.failed.count
         number, curve = progress.generation, self._hypervolume
         corner = curve.corner(front)
-        volume = None if session.observe is None else curve.measure(front, number)  # a recording computes its own
+        volume = curve.measure(front, number) if session.is_observed else None  # a recording computes its own
         generation = Generation(
             number=number,
             population=progress.population[np.isfinite(progress.population).all(axis=1)] * signs,
