@@ -57,14 +57,14 @@ def measure(generations: int) -> tuple[PeakMemory, int]:
 def tabulate(long: int, peaks: Sequence[PeakMemory], recording: int) -> list[Row]:
     """Return the rows of a long run beside the short one; their sum has the goal."""
     short, other = peaks
-    told = (
+    processes = (
         ("both", short.run + short.recorder, other.run + other.recorder, f"goal: at most {OPTIONS.goal:g}"),
         ("the run", short.run, other.run, ""),
         ("the process that records", short.recorder, other.recorder, f"{recording / MEGABYTE:.3g} MB of recording"),
     )
     table = f"{long:,} generations of {OPTIONS.population} beside {OPTIONS.short}"
     rows = []
-    for name, before, after, note in told:
+    for name, before, after, note in processes:
         rows.append(
             Row(
                 table=table,

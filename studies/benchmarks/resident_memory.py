@@ -55,12 +55,12 @@ def _peak_of(process: int) -> int:
 
 def _children(process: int) -> list[int]:
     """Return the processes that a process has started, from any of its threads."""
-    found = []
+    children = list[int]()
     with suppress(OSError):
         for thread in (PROCESSES / str(process) / "task").iterdir():
             with suppress(OSError):
-                found += [int(child) for child in (thread / "children").read_text().split()]
-    return found
+                children += [int(child) for child in (thread / "children").read_text().split()]
+    return children
 
 
 def _command_line(process: int) -> str:

@@ -111,10 +111,10 @@ def test_a_process_that_goes_on_planting_links_at_all_names_changes_nothing_else
     command = [sys.executable, "-c", PLANTER, str(tmp_path / "run"), str(elsewhere), *names]
     planter = subprocess.Popen(command, cwd=ROOT, env=os.environ)
     try:
-        _, said = run.communicate(timeout=300)
+        _, errors = run.communicate(timeout=300)
     finally:
         planter.kill()
         planter.wait()
     assert contents(elsewhere) == before
-    assert run.returncode in (0, 2), said
-    assert "Traceback" not in said
+    assert run.returncode in (0, 2), errors
+    assert "Traceback" not in errors

@@ -6,9 +6,9 @@ Runs of the command line (a search, one with refinement, a plan, an ε-front, a 
 and loop also with two worker processes and on a Dask cluster of two) are killed by SIGKILL, as often in every phase
 that they have (ask, evaluate, refine, what is between; write, rename and have on the disk), spread over all of it;
 every third is killed again as it goes on. What they come to is compared with a run that nobody killed, bit for bit, and
-so is all that the journal has, generation by generation. A journal has what was computed up to a moment: its age at the
-kill is the work that was lost, at most. Then a real journal is cut at every byte of its end and has bits flipped;
-and a search is run on disks from 4 kB to what it fills up in its course.
+so is every entry that a resumed run takes from its journal or adds to it. What was computed since the last entry is the
+work that a kill loses. Then a real journal is cut at every byte of its end and has bits flipped; and a search is run on
+disks from 4 kB to what it fills up in its course.
 """
 
 from __future__ import annotations

@@ -131,7 +131,7 @@ def _outcome(run: WholeRun, process: subprocess.CompletedProcess[str], folder: P
         return "another result"
     if process.returncode == -signal.SIGKILL:
         return "whole"  # it had its result
-    # What goes on asks for no more than the last of what was put down before, and for all that comes then.
+    # A resumed run reads the latest entries, not those that led to them.
     entries: dict[str, str] = _last_words(process)["entries"]
     if not entries.items() <= run.entries.items():
         return "another course"
