@@ -47,41 +47,41 @@ def _evaluate_excess(obstacles, required, count, w):
 
 
 @compiled
-def shorten(first, last, start, constraints, w):
+def shorten(genes, positions, count, start, constraints, w):
     """Scale down the self-motion of steps so that joints stay within their bounds; genes follow."""
     if not constraints.bounded:
         return
-    scale, shortened = w.scale[first:last], np.int64(0)
+    scale, shortened = w.scale[:count], np.int64(0)
     scale[:] = 1.0
     for j in range(start.previous.shape[0]):
-        q, previous, shortest = w.inputs[j, first:last], start.previous[j], start.particular[j]
+        q, previous, shortest = positions[j], start.previous[j], start.particular[j]
         lower, upper = constraints.lower[j], constraints.upper[j]
-        for k in range(last - first):  # without branches, for vector instructions
+        for k in range(count):  # without branches, for vector instructions
             self_motion = q[k] - previous - shortest
             beyond = (shortest + self_motion < lower) | (shortest + self_motion > upper)
             bound = upper if self_motion > 0.0 else lower
             share = min(scale[k], max((bound - shortest) / self_motion, 0.0))
             scale[k] = share if beyond else scale[k]
-    for k in range(last - first):
+    for k in range(count):
         shortened += np.int64(scale[k] < 1.0)
     if shortened > 0:
-        _scale_self_motion(scale, first, last, start, w)
+        _scale_self_motion(genes, positions, count, start, scale)
 
 
 @compiled
-def _scale_self_motion(scale, first, last, start, w):
+def _scale_self_motion(genes, positions, count, start, scale):
     """Scale the self-motion of steps, and let their genes stand for it."""
     n = start.previous.shape[0]
     for j in range(n):
-        q, base = w.inputs[j, first:last], start.previous[j] + start.particular[j]
-        for k in range(last - first):
+        q, base = positions[j], start.previous[j] + start.particular[j]
+        for k in range(count):
             scaled = base + scale[k] * (q[k] - base)
             q[k] = scaled if scale[k] < 1.0 else q[k]
-    for row in range(0, w.children.shape[0], n + 1):
-        target = w.children[row + n, first:last]
+    for row in range(0, genes.shape[0], n + 1):
+        target = genes[row + n]
         for j in range(n):
-            gene, q, previous = w.children[row + j, first:last], w.inputs[j, first:last], start.previous[j]
-            for k in range(last - first):
+            gene, q, previous = genes[row + j], positions[j], start.previous[j]
+            for k in range(count):
                 total = (0.0 if j == 0 else target[k]) + gene[k] * (q[k] - previous)
                 target[k] = total if scale[k] < 1.0 else target[k]
 

@@ -83,7 +83,7 @@ def evaluate(start, options, objectives, constraints, clearance, count, w, repla
     one dominates are not tested.
     """
     F, parents = w.F, w.order.shape[0]
-    _configure(0, count, start, constraints, w)
+    _configure(w.children, w.inputs, count, start, constraints, w)
     for k in range(count):
         w.pending[k] = k
     if replaces and (clearance < np.inf or constraints.bounded):
@@ -103,10 +103,10 @@ def evaluate(start, options, objectives, constraints, clearance, count, w, repla
 
 
 @compiled
-def _configure(first, last, start, constraints, w):
-    """Write the joint positions of children."""
-    decode(w.children, first, last, start, w.linear_systems, w.inputs)
-    shorten(first, last, start, constraints, w)
+def _configure(genes, q, count, start, constraints, w):
+    """Write the joint positions (dof, batch) of ``count`` chromosomes (genes, batch); bounds may change their genes."""
+    decode(genes, count, start, w.linear_systems, q)
+    shorten(genes, q, count, start, constraints, w)
 
 
 @compiled
@@ -143,16 +143,26 @@ def _fail(F, point):
 @compiled
 def _redraw_inadmissible(start, options, constraints, clearance, count, w):
     """Replace the chromosomes of inadmissible steps by random ones until all are admissible (section 5.2)."""
-    pending = w.pending
     for _ in range(options.max_redraws):
         count = find_inadmissible(count, start, constraints, clearance, options, w)
         if count == 0:
             return
         for i in range(count):
-            draw_chromosome(w.state, -options.gene_bound, options.gene_bound, w.children, pending[i])
-            _configure(pending[i], pending[i] + 1, start, constraints, w)
+            draw_chromosome(w.state, -options.gene_bound, options.gene_bound, w.redrawn, i)
+        _configure(w.redrawn, w.redrawn_positions, count, start, constraints, w)
+        _replace_pending(w.redrawn, count, w.pending, w.children)
+        _replace_pending(w.redrawn_positions, count, w.pending, w.inputs)
     for i in range(count):
-        w.inputs[0, pending[i]] = np.nan
+        w.inputs[0, w.pending[i]] = np.nan
+
+
+@compiled
+def _replace_pending(rows, count, pending, replaced):
+    """Write ``count`` columns of rows in place of the pending ones."""
+    for j in range(rows.shape[0]):
+        row, target = rows[j], replaced[j]
+        for i in range(count):
+            target[pending[i]] = row[i]
 
 
 @compiled

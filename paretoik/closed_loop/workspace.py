@@ -102,7 +102,8 @@ class Workspace(NamedTuple):
 
     ``genes`` has a row an individual, ``order`` says which row stands at which place, ``fitness`` is that in a
     tournament, by place. ``F`` has the objectives of the parents by place, then those of the children, whose genes are
-    the columns of ``children`` and whose joint positions and rates are the columns of ``inputs``.
+    the columns of ``children`` and whose joint positions and rates are the columns of ``inputs``. ``redrawn`` has the
+    genes drawn in place of inadmissible children's, ``redrawn_positions`` their joint positions.
     """
 
     genes: np.ndarray
@@ -110,6 +111,8 @@ class Workspace(NamedTuple):
     order: np.ndarray
     fitness: np.ndarray
     children: np.ndarray
+    redrawn: np.ndarray
+    redrawn_positions: np.ndarray
     state: np.ndarray
     inputs: np.ndarray
     outputs: np.ndarray
@@ -156,6 +159,8 @@ def allocate(
         order=np.zeros(N, index),
         fitness=np.zeros(N),
         children=np.zeros((size, N)),
+        redrawn=np.zeros((size, N)),
+        redrawn_positions=np.zeros((dof, N)),
         state=np.zeros(1, np.uint64),
         inputs=np.zeros((inputs, N)),
         outputs=np.zeros((M, N)),

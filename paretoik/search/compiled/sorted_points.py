@@ -86,18 +86,18 @@ def merge_children(F, parents, children, single_rank, s):
 
 
 @compiled
-def _follows(values, i, j):
-    """Return whether entry i comes after entry j."""
-    return values[0, i] > values[0, j] or (values[0, i] == values[0, j] and values[1, i] > values[1, j])
+def _follows(x, y, other_x, other_y):
+    """Return whether (x, y) comes after the other; of numbers, as arrays would be counted at every comparison."""
+    return x > other_x or (x == other_x and y > other_y)
 
 
 @compiled
 def _insertion_sort(points, values, begin, end):
+    x, y = values[0], values[1]
     for k in range(begin + 1, end):
         j = k
-        while j > begin and _follows(values, j - 1, j):
-            for m in range(2):
-                values[m, j - 1], values[m, j] = values[m, j], values[m, j - 1]
+        while j > begin and _follows(x[j - 1], y[j - 1], x[j], y[j]):
+            x[j - 1], x[j], y[j - 1], y[j] = x[j], x[j - 1], y[j], y[j - 1]
             points[j - 1], points[j] = points[j], points[j - 1]
             j -= 1
 
@@ -107,19 +107,19 @@ def merge_sort(points, values, begin, end, spare):
     """Sort the entries from ``begin`` to ``end``; ``values`` has two more rows, for copies."""
     for first in range(begin, end, INSERTION_SIZE):
         _insertion_sort(points, values, first, min(first + INSERTION_SIZE, end))
-    width = INSERTION_SIZE
+    x, y, width = values[0], values[1], INSERTION_SIZE
     while width < end - begin:
         for first in range(begin, end, 2 * width):
             i, middle, last = first, min(first + width, end), min(first + 2 * width, end)
             j = middle
             for k in range(first, last):
-                second = j < last and (i == middle or _follows(values, i, j))
+                second = j < last and (i == middle or _follows(x[i], y[i], x[j], y[j]))
                 source = j if second else i
-                values[2, k], values[3, k], spare[k] = values[0, source], values[1, source], points[source]
+                values[2, k], values[3, k], spare[k] = x[source], y[source], points[source]
                 j += np.int64(second)
                 i += np.int64(not second)
         for k in range(begin, end):
-            values[0, k], values[1, k], points[k] = values[2, k], values[3, k], spare[k]
+            x[k], y[k], points[k] = values[2, k], values[3, k], spare[k]
         width *= 2
 
 
