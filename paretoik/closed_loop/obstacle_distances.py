@@ -101,6 +101,17 @@ def _slope(fraction, ax, ay, az, dx, dy, dz, hx, hy, hz):
 
 
 @compiled
+def _narrow(bracket, fraction, ax, ay, az, dx, dy, dz, hx, hy, hz):
+    """Return the bracket of the nearest place of a segment, with the slopes at its ends, narrowed at a fraction."""
+    low, low_slope, high, high_slope = bracket
+    slope = _slope(fraction, ax, ay, az, dx, dy, dz, hx, hy, hz)
+    falls, rises = (slope <= 0.0) & (fraction > low), (slope >= 0.0) & (fraction < high)
+    low, low_slope = (fraction if falls else low), (slope if falls else low_slope)
+    high, high_slope = (fraction if rises else high), (slope if rises else high_slope)
+    return low, low_slope, high, high_slope
+
+
+@compiled
 def _to_box(box, link, count, distances):
     """Where the derivative of the squared distance, linear between the planes of the box, is zero."""
     hx, hy, hz = box[SECOND], box[SECOND + 1], box[SECOND + 2]
@@ -116,20 +127,17 @@ def _to_box(box, link, count, distances):
         low, high = 0.0, 1.0
         low_slope = _slope(0.0, ax, ay, az, dx, dy, dz, hx, hy, hz)
         high_slope = _slope(1.0, ax, ay, az, dx, dy, dz, hx, hy, hz)
-        for fraction in (
-            _fraction((-hx - ax) * dx, dx * dx),
-            _fraction((hx - ax) * dx, dx * dx),
-            _fraction((-hy - ay) * dy, dy * dy),
-            _fraction((hy - ay) * dy, dy * dy),
-            _fraction((-hz - az) * dz, dz * dz),
-            _fraction((hz - az) * dz, dz * dz),
-        ):
-            slope = _slope(fraction, ax, ay, az, dx, dy, dz, hx, hy, hz)
-            falls, rises = (slope <= 0.0) & (fraction > low), (slope >= 0.0) & (fraction < high)
-            low, low_slope = (fraction if falls else low), (slope if falls else low_slope)
-            high, high_slope = (fraction if rises else high), (slope if rises else high_slope)
+        bracket = low, low_slope, high, high_slope
+        bracket = _narrow(bracket, _fraction((-hx - ax) * dx, dx * dx), ax, ay, az, dx, dy, dz, hx, hy, hz)
+        bracket = _narrow(bracket, _fraction((hx - ax) * dx, dx * dx), ax, ay, az, dx, dy, dz, hx, hy, hz)
+        bracket = _narrow(bracket, _fraction((-hy - ay) * dy, dy * dy), ax, ay, az, dx, dy, dz, hx, hy, hz)
+        bracket = _narrow(bracket, _fraction((hy - ay) * dy, dy * dy), ax, ay, az, dx, dy, dz, hx, hy, hz)
+        bracket = _narrow(bracket, _fraction((-hz - az) * dz, dz * dz), ax, ay, az, dx, dy, dz, hx, hy, hz)
+        bracket = _narrow(bracket, _fraction((hz - az) * dz, dz * dz), ax, ay, az, dx, dy, dz, hx, hy, hz)
+        low, low_slope, high, high_slope = bracket
         steepening = high_slope - low_slope  # 0 where both are within the box: then their middle is deep in it
-        nearest = low + (high - low) * (_fraction(-low_slope, steepening) if steepening > 0.0 else 0.5)
+        share = _fraction(-low_slope, steepening)
+        nearest = low + (high - low) * (share if steepening > 0.0 else 0.5)
         px, py, pz = ax + nearest * dx, ay + nearest * dy, az + nearest * dz
         x, y, z = _outside(px, hx), _outside(py, hy), _outside(pz, hz)
         depth = min(hx - abs(px), hy - abs(py), hz - abs(pz))
