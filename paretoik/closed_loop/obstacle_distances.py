@@ -23,13 +23,14 @@ def evaluate_distances(obstacles, nodes, count, distances):
     for k in range(count):
         distances[k] = np.inf
     for i in range(obstacles.shape[0]):
+        obstacle = obstacles[i]
         for row in range(0, nodes.shape[0] - 3, 3):
-            if obstacles[i, KIND] == POINT:
-                _to_point(obstacles[i], nodes[row : row + 6], count, distances)
-            elif obstacles[i, KIND] == SEGMENT:
-                _to_segment(obstacles[i], nodes[row : row + 6], count, distances)
+            if obstacle[KIND] == POINT:
+                _to_point(obstacle, nodes, row, count, distances)
+            elif obstacle[KIND] == SEGMENT:
+                _to_segment(obstacle, nodes, row, count, distances)
             else:
-                _to_box(obstacles[i], nodes[row : row + 6], count, distances)
+                _to_box(obstacle, nodes, row, count, distances)
 
 
 @compiled
@@ -50,10 +51,10 @@ def _squared_distance(px, py, pz, ax, ay, az, dx, dy, dz):
 
 
 @compiled
-def _to_point(point, link, count, distances):
+def _to_point(point, nodes, row, count, distances):
     x, y, flat = point[FIRST], point[FIRST + 1], point[AXES + 8]
     z, radius = flat * point[FIRST + 2], point[RADIUS]
-    x0, y0, z0, x1, y1, z1 = link[0], link[1], link[2], link[3], link[4], link[5]
+    x0, y0, z0, x1, y1, z1 = nodes[row], nodes[row + 1], nodes[row + 2], nodes[row + 3], nodes[row + 4], nodes[row + 5]
     for k in range(count):
         ax, ay, az = x0[k], y0[k], flat * z0[k]
         dx, dy, dz = x1[k] - ax, y1[k] - ay, flat * z1[k] - az
@@ -62,11 +63,11 @@ def _to_point(point, link, count, distances):
 
 
 @compiled
-def _to_segment(segment, link, count, distances):
+def _to_segment(segment, nodes, row, count, distances):
     """At an end of one, or where their lines are nearest if that is within both."""
     sx, sy, sz, radius = segment[FIRST], segment[FIRST + 1], segment[FIRST + 2], segment[RADIUS]
     ex, ey, ez = segment[SECOND] - sx, segment[SECOND + 1] - sy, segment[SECOND + 2] - sz
-    x0, y0, z0, x1, y1, z1 = link[0], link[1], link[2], link[3], link[4], link[5]
+    x0, y0, z0, x1, y1, z1 = nodes[row], nodes[row + 1], nodes[row + 2], nodes[row + 3], nodes[row + 4], nodes[row + 5]
     for k in range(count):
         ax, ay, az = x0[k], y0[k], z0[k]
         bx, by, bz = x1[k], y1[k], z1[k]
@@ -112,13 +113,13 @@ def _narrow(bracket, fraction, ax, ay, az, dx, dy, dz, hx, hy, hz):
 
 
 @compiled
-def _to_box(box, link, count, distances):
+def _to_box(box, nodes, row, count, distances):
     """Where the derivative of the squared distance, linear between the planes of the box, is zero."""
     hx, hy, hz = box[SECOND], box[SECOND + 1], box[SECOND + 2]
     cx, cy, cz = box[FIRST], box[FIRST + 1], box[FIRST + 2]
     xx, xy, xz, yx, yy = box[AXES], box[AXES + 1], box[AXES + 2], box[AXES + 3], box[AXES + 4]
     yz, zx, zy, zz = box[AXES + 5], box[AXES + 6], box[AXES + 7], box[AXES + 8]
-    x0, y0, z0, x1, y1, z1 = link[0], link[1], link[2], link[3], link[4], link[5]
+    x0, y0, z0, x1, y1, z1 = nodes[row], nodes[row + 1], nodes[row + 2], nodes[row + 3], nodes[row + 4], nodes[row + 5]
     for k in range(count):
         x, y, z = x0[k] - cx, y0[k] - cy, z0[k] - cz
         ax, ay, az = xx * x + xy * y + xz * z, yx * x + yy * y + yz * z, zx * x + zy * y + zz * z

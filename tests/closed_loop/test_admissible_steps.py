@@ -20,7 +20,7 @@ def test_engine_and_problem_agree_on_which_steps_are_admissible():
     assert 0.1 < admissible.mean() < 0.9
     w.children[:], w.pending[:] = genes.T, np.arange(count)
     clearance = clearance_at_start(start, constraints, w)
-    decode(w.children, 0, count, start, w.linear_systems, w.inputs)
+    decode(w.children, count, start, w.linear_systems, w.inputs)
     rejected = find_inadmissible(count, start, constraints, clearance, search.options, w)
     assert sorted(w.pending[:rejected]) == np.flatnonzero(~admissible).tolist()
 

@@ -18,7 +18,7 @@ def test_steps_solve_the_extended_jacobian(dof, rows):
     start = StepStart(previous, particular, null_space, np.zeros((3, dof)), 0.1)
     genes = rng.uniform(-1, 1, size=(redundancy * (dof + 1), batch))
     q = np.full((dof, batch), np.nan)
-    decode(genes, 0, batch, start, np.empty((redundancy * (redundancy + 1), batch)), q)
+    decode(genes, batch, start, np.empty((redundancy * (redundancy + 1), batch)), q)
     for k in range(batch):
         extra = genes[:, k].reshape(redundancy, dof + 1)
         extended, right = np.concatenate([jacobian, extra[:, :dof]]), np.concatenate([change, extra[:, dof]])

@@ -57,7 +57,7 @@ class CompiledStepProblem(StepProblem):
         """Return the objectives of genes."""
         w, n = self.search.workspace, self.row - 1
         w.children[:, : len(X)] = X.T
-        decode(w.children, 0, len(X), self.start, w.linear_systems, w.inputs)
+        decode(w.children, len(X), self.start, w.linear_systems, w.inputs)
         for j in range(n):
             w.inputs[n + j, : len(X)] = (w.inputs[j, : len(X)] - self.start.previous[j]) / self.start.dt
         run_first(self.search.programs.objectives.arrays, w.inputs, w.outputs, len(X))
