@@ -11,6 +11,7 @@ from signal import SIGINT
 from paretoik.api.progress import Observer
 from paretoik.api.progress_display import open_observer
 from paretoik.errors import SolverFailed
+from paretoik.execution.blas_threads import single_blas_thread
 from paretoik.execution.interrupts import Interruption, interruptible
 from paretoik.execution.time_limit import TimeLimit, time_limit
 from paretoik.stop_flag import Interrupted
@@ -59,14 +60,14 @@ class VerbSession:
 def verb_session(
     observe: Observer | bool | None, *, time_limit: float | None = None, catch_signals: bool = True
 ) -> Iterator[VerbSession]:
-    """Open a verb: catch signals, show its progress. Within another verb's, signals are that one's.
+    """Open a verb: catch signals, show its progress, compute with one BLAS thread. Within another's, signals are its.
 
     Where the body raises Interrupted, a signal came before there was anything to return: KeyboardInterrupt after
     Ctrl-C, SystemExit(143) after SIGTERM. Without ``catch_signals`` these end the body as without a
     verb. Raises InvalidInput for an observer that cannot be called.
     """
     signals = interruptible() if catch_signals else nullcontext(Interruption())
-    with open_observer(observe, time_limit=time_limit) as observer, signals as interruption:
+    with open_observer(observe, time_limit=time_limit) as observer, signals as interruption, single_blas_thread():
         try:
             yield VerbSession(observe=observer, interruption=interruption)
         except Interrupted:

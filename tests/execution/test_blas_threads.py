@@ -1,0 +1,50 @@
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+import scipy.linalg  # noqa: F401  # has a BLAS of its own
+from threadpoolctl import threadpool_info, threadpool_limits
+
+from paretoik.api.verb_session import verb_session
+from paretoik.execution.blas_threads import single_blas_thread
+
+
+def blas_threads() -> set[int]:
+    return {library["num_threads"] for library in threadpool_info() if library["user_api"] == "blas"}
+
+
+@pytest.fixture(autouse=True)
+def three_threads():
+    with threadpool_limits(limits=3, user_api="blas"):
+        yield
+
+
+def test_a_body_computes_with_one_thread_and_the_number_of_before_comes_back():
+    assert blas_threads() == {3}
+    with single_blas_thread():
+        assert blas_threads() == {1}
+    assert blas_threads() == {3}
+
+
+def test_the_number_comes_back_after_an_error():
+    with pytest.raises(ZeroDivisionError), single_blas_thread():
+        raise ZeroDivisionError
+    assert blas_threads() == {3}
+
+
+def test_a_context_in_another_thread_leaves_the_number_to_the_first():
+    def compute() -> None:
+        with single_blas_thread():
+            assert blas_threads() == {1}
+
+    with single_blas_thread(), ThreadPoolExecutor() as pool:
+        pool.submit(compute).result()
+        assert blas_threads() == {1}
+    assert blas_threads() == {3}
+
+
+def test_a_verb_computes_with_one_thread():
+    with verb_session(False):
+        assert blas_threads() == {1}
+    assert blas_threads() == {3}
