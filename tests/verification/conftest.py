@@ -6,20 +6,18 @@ from typing import Any
 
 import pytest
 
-from tests.verification.good_runs import KINDS
+from studies.benchmarks.reliability.verifier.good_runs import make_run
 
 
 @pytest.fixture(scope="session")
-def good_run(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], tuple[Path, Any]]:
-    """Return a function that gives the folder and the problem of a good run of a kind."""
-    made: dict[str, tuple[Path, Any]] = {}
+def good_run(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], tuple[Path, Any, Any]]:
+    """Return a function that gives the folder of a good run of a kind, its problem, and what it is verified against."""
+    made: dict[str, tuple[Path, Any, Any]] = {}
 
-    def get(kind: str) -> tuple[Path, Any]:
+    def get(kind: str) -> tuple[Path, Any, Any]:
         if kind not in made:
-            make_problem, run = KINDS[kind]
-            problem, folder = make_problem(), tmp_path_factory.mktemp("runs") / kind.replace(" ", "_")
-            run(problem, folder)
-            made[kind] = folder, problem
+            folder = tmp_path_factory.mktemp("runs") / kind.replace(" ", "_")
+            made[kind] = folder, *make_run(kind, folder)
         return made[kind]
 
     return get

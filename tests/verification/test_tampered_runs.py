@@ -13,8 +13,8 @@ import paretoik as pk
 from paretoik.cli import main
 from paretoik.errors import InvalidRun
 from paretoik.run_files import RUN, run_bytes
-from tests.verification.editing import edit
-from tests.verification.faults import FAULTS
+from studies.benchmarks.reliability.verifier.editing import edit
+from studies.benchmarks.reliability.verifier.faults import FAULTS
 
 OPENED = ("search", "certified", "plan", "closed loop")
 OFF_THE_PATH = {
@@ -48,7 +48,7 @@ def names(*kinds):
 @pytest.mark.parametrize("fault", names(*OPENED))
 def test_an_edited_run_is_opened_or_refused_in_a_line_and_motions_off_the_path_are_refused(good_run, tmp_path, fault):
     kind, change, _ = FAULTS[fault]
-    folder, problem = good_run(kind)
+    folder, problem, _ = good_run(kind)
     edited = edit(folder, tmp_path / "edited", change)
     words = OFF_THE_PATH.get(fault)
     if words:
@@ -65,10 +65,10 @@ def test_an_edited_run_is_opened_or_refused_in_a_line_and_motions_off_the_path_a
 
 @pytest.mark.parametrize("command", [["select", "--point", "0"], ["export", "--point", "0"], ["report"], ["verify"]])
 def test_every_command_refuses_motions_off_the_path_with_an_exit_code(good_run, tmp_path, monkeypatch, capsys, command):
-    folder, _ = good_run("search")
+    folder, *_ = good_run("search")
     edited = edit(folder, tmp_path / "edited", FAULTS["columns swapped"][1])
     verb, *options = command
-    words = [verb, str(edited), *options, "--problem", "tests/verification/good_runs.py:tracking"]
+    words = [verb, str(edited), *options, "--problem", "studies/benchmarks/reliability/verifier/good_runs.py:tracking"]
     monkeypatch.setattr(sys, "argv", ["paretoik", *words])
     with pytest.raises(SystemExit) as ended:
         main()
@@ -80,7 +80,7 @@ def test_every_command_refuses_motions_off_the_path_with_an_exit_code(good_run, 
 
 
 def test_no_file_but_the_runs_own_is_read_where_it_is_edited(good_run, tmp_path):
-    folder, problem = good_run("search")
+    folder, problem, _ = good_run("search")
     edited = edit(folder, tmp_path / "edited", lambda run: run.entries["settings"].update(seed=2))
     with warnings.catch_warnings():
         warnings.simplefilter("error")

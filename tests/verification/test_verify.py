@@ -10,17 +10,17 @@ from contextlib import suppress
 import pytest
 
 import paretoik as pk
-from paretoik.fingerprint.fingerprint import fingerprint
-from tests.verification.editing import edit
-from tests.verification.faults import FAULTS, subjects
-from tests.verification.good_runs import KINDS, exceeded_between, largest, thin_obstacle, with_limits
+from studies.benchmarks.reliability.verifier import changes
+from studies.benchmarks.reliability.verifier.editing import edit
+from studies.benchmarks.reliability.verifier.faults import FAULTS
+from studies.benchmarks.reliability.verifier.forgeries import FORGERIES, LIMITED, forge
+from studies.benchmarks.reliability.verifier.good_runs import KINDS
 
 QUICK = ("search", "obstacles", "closed loop", "polygon", "resolved", "plan")
-LIMITED = {"position": "q", "velocity": "dq", "acceleration": "ddq", "torque": "torque", "power": "power"}
 
 
-def named(kind: str, problem):
-    return problem.arm if kind == "polygon" else problem
+def subjects(rows):
+    return {row.subject for row in rows}
 
 
 def parameters(names, kind_of):
@@ -29,8 +29,8 @@ def parameters(names, kind_of):
 
 @pytest.mark.parametrize("kind", parameters(KINDS, str))
 def test_a_good_run_passes_and_says_what_nobody_looked_at(good_run, kind):
-    folder, problem = good_run(kind)
-    verification = pk.verify(folder, named(kind, problem))
+    folder, _, subject = good_run(kind)
+    verification = pk.verify(folder, subject)
     assert verification.failures == ()
     assert len(repr(verification).splitlines()) <= 40
     assert all(row.detail for row in verification.unchecked)
@@ -38,56 +38,28 @@ def test_a_good_run_passes_and_says_what_nobody_looked_at(good_run, kind):
 
 @pytest.mark.parametrize("fault", parameters(FAULTS, lambda name: FAULTS[name][0]))
 def test_a_planted_fault_is_caught_and_named(good_run, tmp_path, fault):
-    kind, change, subject = FAULTS[fault]
-    folder, problem = good_run(kind)
-    verification = pk.verify(edit(folder, tmp_path / "edited", change), named(kind, problem))
-    assert subject in subjects(verification.failures)
+    kind, change, failing = FAULTS[fault]
+    folder, _, subject = good_run(kind)
+    verification = pk.verify(edit(folder, tmp_path / "edited", change), subject)
+    assert failing in subjects(verification.failures)
     assert all(row.detail and "\n" not in row.detail for row in verification.failures)
 
 
-@pytest.mark.parametrize("kind", LIMITED)
-def test_a_motion_that_exceeds_a_limit_is_caught(good_run, tmp_path, kind):
-    folder, _ = good_run("search")
-    most = largest(pk.load_front(folder, good_run("search")[1]), LIMITED[kind])
-    tight = with_limits(**{kind: 0.99 * most})
-
-    def forge(run):
-        run.entries["fingerprint"] = fingerprint(tight)
-
-    verification = pk.verify(edit(folder, tmp_path / "forged", forge), tight)
-    assert f"{kind} limits" in subjects(verification.failures)
-    assert {"tracking at samples", "objective torque_norm"}.isdisjoint(subjects(verification.failures))
-
-
-def test_a_collision_between_samples_is_caught(good_run, tmp_path):
-    folder, problem = good_run("search")
-    blocked = thin_obstacle(pk.load_front(folder, problem))
-
-    def forge(run):
-        run.entries["fingerprint"] = fingerprint(blocked)
-
-    verification = pk.verify(edit(folder, tmp_path / "forged", forge), blocked)
-    first = [row for row in verification.rows if row.point == int(pk.Front.load(folder).ids[0])]
-    assert {row.verdict for row in first if row.subject == "clearance at samples"} == {"passed"}
-    assert {row.verdict for row in first if row.subject == "clearance between samples"} == {"failed"}
-
-
-@pytest.mark.slow
-def test_a_violation_between_samples_that_the_table_denies_is_caught(good_run, tmp_path):
-    folder, problem = good_run("certified")
-    tight = exceeded_between(pk.load_front(folder, problem))
-
-    def forge(run):
-        run.entries["fingerprint"] = fingerprint(tight)
-        run.table["violation_between"] = [0.0 for _ in run.table["violation_between"]]
-
-    verification = pk.verify(edit(folder, tmp_path / "forged", forge), tight)
-    assert "limits between samples" in subjects(verification.failures)
-    assert not {"power limits", "torque limits", "position limits"} & subjects(verification.failures)
+@pytest.mark.parametrize("forgery", parameters(FORGERIES, lambda name: FORGERIES[name][0]))
+def test_a_run_given_out_as_one_of_a_stricter_problem_is_caught_by_what_it_does_not_keep_alone(
+    good_run, tmp_path, forgery
+):
+    kind, stricter, failing = FORGERIES[forgery]
+    folder, problem, _ = good_run(kind)
+    other = stricter(pk.load_front(folder, problem))
+    failed = subjects(pk.verify(forge(folder, tmp_path / "forged", other), other).failures)
+    assert failing in failed
+    limits = {f"{limit} limits" for limit in LIMITED}
+    assert {"tracking at samples", "objective torque_norm", "clearance at samples", *limits} & failed <= {failing}
 
 
 def test_an_edit_without_new_digests_is_caught(good_run, tmp_path):
-    folder, problem = good_run("search")
+    folder, problem, _ = good_run("search")
     copy = edit(folder, tmp_path / "copy", lambda run: None)
     text = (copy / "run.json").read_text()
     (copy / "run.json").write_text(re.sub(r'"seed": 1\b', '"seed": 2', text, count=1))
@@ -113,10 +85,8 @@ def test_without_pinocchio_one_line_says_what_to_install(good_run, monkeypatch):
 
 
 def test_the_command_prints_rows_and_ends_with_its_own_exit_code(good_run, tmp_path):
-    folder, _ = good_run("search")
-    from tests.verification.faults import repeat_id
-
-    edited = edit(folder, tmp_path / "edited", repeat_id)
+    folder, *_ = good_run("search")
+    edited = edit(folder, tmp_path / "edited", changes.repeat_id)
     command = [sys.executable, "-m", "paretoik", "verify"]
     good = subprocess.run([*command, folder, "--json"], capture_output=True, text=True, check=False)
     bad = subprocess.run([*command, edited], capture_output=True, text=True, check=False)
@@ -126,7 +96,7 @@ def test_the_command_prints_rows_and_ends_with_its_own_exit_code(good_run, tmp_p
 
 
 def test_an_observer_learns_how_many_points_are_checked(good_run):
-    folder, problem = good_run("search")
+    folder, problem, _ = good_run("search")
     shown = []
     count = len(pk.verify(folder, problem, observe=shown.append).rows)
     points = len(pk.load_front(folder, problem))

@@ -1,6 +1,6 @@
-"""Runs killed and gone on with, journals cut and damaged, disks that are full: what is lost of them.
+"""Runs killed and gone on with, journals cut and damaged, full disks: what is lost of them; faults verified.
 
-    python -m studies.benchmarks.reliability [--quick] [--kills N] [--runs NAME ...] [--parts kills journal disks]
+    python -m studies.benchmarks.reliability [--quick] [--kills N] [--runs NAME ...] [--parts PART ...]
 
 Runs of the command line (a search, one with refinement, a plan, an ε-front, a refinement, a closed loop; but for plan
 and loop also with two worker processes and on a Dask cluster of two) are killed by SIGKILL, as often in every phase
@@ -8,7 +8,8 @@ that they have (ask, evaluate, refine, what is between; write, rename and have o
 every third is killed again as it goes on. What they come to is compared with a run that nobody killed, bit for bit, and
 so is every entry that a resumed run takes from its journal or adds to it. What was computed since the last entry is the
 work that a kill loses. Then a real journal is cut at every byte of its end and has bits flipped; and a search is run on
-disks from 4 kB to what it fills up in its course.
+disks from 4 kB to what it fills up in its course. The verifier is given good runs of every kind, and copies of them
+with a fault each.
 """
 
 from __future__ import annotations
@@ -43,6 +44,7 @@ from studies.benchmarks.reliability.kills import (
     whole_run,
 )
 from studies.benchmarks.reliability.phases import FILE_PHASES, PHASES, Phase
+from studies.benchmarks.reliability.verifier.counting import verifier_rows
 from studies.benchmarks.scaling.local_cluster import local_cluster
 from studies.reporting import Row, report, study_parser, tell
 
@@ -72,7 +74,7 @@ class ReliabilityOptions:
 
 OPTIONS = ReliabilityOptions()
 LOST: tuple[Outcome, ...] = ("refused", "another course", "another result")
-PARTS = ("kills", "journal", "disks")
+PARTS = ("kills", "journal", "disks", "verifier")
 
 
 def main() -> None:
@@ -92,6 +94,7 @@ def main() -> None:
             "kills": lambda: _kill_rows(folder, kills, arguments.runs),
             "journal": lambda: _journal_rows(folder),
             "disks": lambda: _disk_rows(folder, disks),
+            "verifier": lambda: verifier_rows(folder),
         }
         rows = [row for part in PARTS if part in arguments.parts for row in rows_of[part]()]
     report(rows, json_file=arguments.json)

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import paretoik as pk
-from paretoik.task.between import finer_motion
 from problems import kim_2021
 from problems.marcos_2012 import loop as marcos_loop
 
@@ -22,11 +20,13 @@ SMALL: dict[str, Any] = {"population": 12, "generations": 5, "seed": 1, "observe
 
 
 @pk.objective(unit="rad²/s", form="integral")
-def wrist_effort(motion):
+def wrist_effort(motion: pk.Motion) -> Any:
     return motion.dq[..., -1] ** 2
 
 
-def tracking(*objectives, path=LINE, limits=None, **options) -> pk.Tracking:
+def tracking(
+    *objectives: Any, path: Any = LINE, limits: Mapping[str, float] | None = None, **options: Any
+) -> pk.Tracking:
     return pk.Tracking(
         ARM,
         path,
@@ -54,7 +54,7 @@ def obstructed() -> pk.Tracking:
 
 
 def spatial() -> pk.Tracking:
-    urdf = Path(__file__).parents[2] / "problems" / "robots" / "panda.urdf"
+    urdf = Path(__file__).parents[4] / "problems" / "robots" / "panda.urdf"
     arm = pk.Arm.from_urdf(urdf, base="panda_link0", tip="panda_hand_tcp")
     path = pk.line([0.45, -0.25, 0.3], [0.45, 0.25, 0.3], duration=1.5, samples=9)
     objectives = [pk.kinetic_energy, pk.joint_limit_distance, pk.manipulability]
@@ -69,8 +69,26 @@ def planned() -> pk.Tracking:
     return tracking(pk.kinetic_energy)
 
 
+def tuned() -> pk.Tuning:
+    method = pk.methods.DampedLeastSquares(damping=0.05)
+    return pk.Tuning(ARM, LINE, method, starts=tracking().encoding.charts.base[:3, 0], tolerance=None)
+
+
 def search(problem: Any, out: Path) -> None:
     pk.solve(problem, **SMALL, out=out)
+
+
+def search_and_refine(problem: Any, out: Path) -> None:
+    pk.solve(problem, **SMALL, refine=True, out=out)
+
+
+def refine(problem: Any, out: Path) -> None:
+    pk.refine(pk.solve(problem, **SMALL), out=out, observe=False)
+
+
+def navigate(problem: Any, out: Path) -> None:
+    front = pk.epsilon_front(problem, points=4, starts=4, observe=False)
+    front.navigate(front[front.ids[1]], improve="kinetic_energy", by=0.1 * np.ptp(front.ranges[0])).save(out)
 
 
 def sweep(problem: Any, out: Path) -> None:
@@ -99,6 +117,10 @@ KINDS: dict[str, tuple[Callable[[], Any], Callable[[Any, Path], None]]] = {
     "backward": (backward, search),
     "obstacles": (obstructed, search),
     "spatial": (spatial, search),
+    "refined search": (tracking, search_and_refine),
+    "refinement": (tracking, refine),
+    "navigation": (tracking, navigate),
+    "tuning": (tuned, search),
     "certified": (tracking, sweep),
     "certified cyclic": (cyclic, sweep),
     "plan": (planned, plan),
@@ -108,30 +130,12 @@ KINDS: dict[str, tuple[Callable[[], Any], Callable[[Any, Path], None]]] = {
     "resolved": (backward, resolve),
     "polygon": (kim_2021.directions_jam, polygon),
 }
+"""By name: what makes the problem, and what runs it into a folder."""
 
 
-def thin_obstacle(front: pk.Front) -> pk.Tracking:
-    """Return the problem with a disc that a motion's tool meets between two instants, clear of it at all of them."""
-    motion = front.motions[0]
-    for q in motion.at(motion.time[:-1] + 0.25 * np.diff(motion.time)):
-        disc = pk.obstacles.Circle(ARM.pose(q).position[:2], 0.004)
-        if replace(motion.instants, obstacles=(disc,)).clearance.min() > 1e-3:
-            return tracking(obstacles=[disc])
-    raise AssertionError("no place that the tool passes between instants")
-
-
-def exceeded_between(front: pk.Front) -> pk.Tracking:
-    """Return the problem with a limit that motions keep at all instants, and exceed between them."""
-    for kind, name in (("power", "power"), ("torque", "torque"), ("position", "q")):
-        most = largest(front, name)
-        if np.abs(getattr(finer_motion(front.motions), name)).max() > (1 + 2e-4) * most:
-            return with_limits(**{kind: most})
-    raise AssertionError("no limit that is largest between instants")
-
-
-def with_limits(**limits: float) -> pk.Tracking:
-    return tracking(limits={**LIMITS, **limits})
-
-
-def largest(front: pk.Front, name: str) -> float:
-    return float(np.abs(getattr(front.motions.instants, name)).max(axis=(1, 2)).max())
+def make_run(kind: str, folder: Path) -> tuple[Any, Any]:
+    """Make a good run in a folder; return its problem, and what its motions are verified against."""
+    make_problem, run = KINDS[kind]
+    problem = make_problem()
+    run(problem, folder)
+    return problem, problem.arm if kind == "polygon" else problem

@@ -1,15 +1,13 @@
-"""Planted faults by name: the kind of run, what is changed in it, and the subject of the check that must fail."""
+"""Changes of a run's files that make it a wrong one."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 
-from tests.verification.editing import Edited
-
-Change = Callable[[Edited], None]
+import paretoik as pk
+from paretoik.robot.kinematics import jacobian
+from studies.benchmarks.reliability.verifier.editing import Edited
+from studies.benchmarks.reliability.verifier.good_runs import tracking
 
 
 def shift_joint(run: Edited) -> None:
@@ -17,9 +15,6 @@ def shift_joint(run: Edited) -> None:
 
 
 def slide_along_the_self_motion(run: Edited) -> None:
-    import paretoik as pk
-    from paretoik.robot.kinematics import jacobian
-
     arm, q = pk.arms.tringali_3r(), run.motions["q"][0, 5]
     rows = jacobian(arm, q)[:2]
     free = np.linalg.svd(rows)[2][-1]
@@ -98,9 +93,9 @@ def add_dominated_point(run: Edited) -> None:
     for name, values in run.table.items():
         values.append(values[0] if name != "id" else max(values) + 1)
     run.table["kinetic_energy"][-1] *= 1.01
-    for name, values in run.motions.items():
+    for name, array in run.motions.items():
         if name != "joint_names":
-            run.motions[name] = np.concatenate([values, values[:1]])
+            run.motions[name] = np.concatenate([array, array[:1]])
     run.motions["id"][-1] = run.table["id"][-1]
     run.entries["points"] += 1
 
@@ -135,9 +130,7 @@ def admit_violation(run: Edited) -> None:
 
 
 def deny_criticality(run: Edited) -> None:
-    """A motion bent along the self-motion, its objectives computed again, with the certificate of another."""
-    from tests.verification.good_runs import tracking
-
+    """Bend motions along the self-motion and compute their objectives again; certificates stay those of before."""
     problem = tracking()
     for row in range(len(run.motions["q"])):
         q = run.motions["q"][row]
@@ -193,9 +186,9 @@ def add_a_better_optimum_last(run: Edited) -> None:
         values.append(values[-1])
     run.table["id"][-1] += 1
     run.table["kinetic_energy"][-1] = 0.9 * run.table["kinetic_energy"][0]
-    for name, values in run.motions.items():
+    for name, array in run.motions.items():
         if name != "joint_names":
-            run.motions[name] = np.concatenate([values, values[-1:]])
+            run.motions[name] = np.concatenate([array, array[-1:]])
     run.motions["id"][-1] = run.table["id"][-1]
 
 
@@ -250,59 +243,3 @@ def leave_the_path(run: Edited) -> None:
 
 def take_maxima_away(run: Edited) -> None:
     del run.arrays["polygon.npz"]["values"]
-
-
-FAULTS: dict[str, tuple[str, Change, str]] = {
-    "a joint off by 1e-6": ("search", shift_joint, "tracking at samples"),
-    "a posture moved along the self-motion by 1e-6": ("search", slide_along_the_self_motion, "objective torque_norm"),
-    "columns swapped": ("search", swap_columns, "tracking at samples"),
-    "names of joints swapped": ("search", swap_names, "joint names"),
-    "a joint of another name": ("search", rename_joint, "joint names"),
-    "times that go back": ("search", turn_times_back, "times"),
-    "times stretched": ("search", stretch_times, "times of the path"),
-    "a time shifted": ("search", shift_one_time, "times of the path"),
-    "a motion reversed": ("search", reverse_motion, "tracking at samples"),
-    "not a number": ("search", not_a_number, "finite motions"),
-    "motions exchanged": ("search", exchange_motions, "objective kinetic_energy"),
-    "a motion missing": ("search", leave_out_a_motion, "ids"),
-    "an objective edited": ("search", edit_objective, "objective kinetic_energy"),
-    "objectives improved": ("search", improve_all_objectives, "objective torque_norm"),
-    "objectives swapped": ("search", swap_objectives, "objective kinetic_energy"),
-    "a user's objective edited": ("obstacles", edit_users_objective, "objective wrist_effort"),
-    "a maximised objective edited": ("obstacles", edit_maximised_objective, "objective obstacle_clearance"),
-    "an id twice": ("search", repeat_id, "ids"),
-    "a dominated point": ("search", add_dominated_point, "non-domination"),
-    "another number of points": ("search", count_other_points, "ids"),
-    "another unit": ("search", rename_unit, "objectives' names"),
-    "another sense": ("search", turn_maximised, "objectives' names"),
-    "another name": ("search", rename_objective, "objectives' names"),
-    "a range turned": ("search", turn_range, "ranges"),
-    "another fingerprint": ("search", another_problem, "problem"),
-    "another violation": ("search", admit_violation, "violation in the table"),
-    "a certificate of another motion": ("certified", deny_criticality, "criticality by differences"),
-    "weights swapped": ("certified", swap_weights, "weights by differences"),
-    "an exchange rate edited": ("certified", edit_rate, "exchange rates"),
-    "an interval without its rate": ("certified", leave_interval, "exchange intervals"),
-    "a negative weight": ("certified", make_weights_negative, "weights"),
-    "a status that is none": ("certified", invent_status, "certificates"),
-    "a cycle opened": ("certified cyclic", open_the_cycle, "closure"),
-    "an optimum edited": ("plan", edit_optimum, "objective kinetic_energy"),
-    "the best optimum last": ("plan", add_a_better_optimum_last, "order of optima"),
-    "an error of a loop edited": ("closed loop", edit_loop_error, "position_error of the loop"),
-    "a drift of a loop edited": ("closed loop", edit_loop_drift, "drift of the loop"),
-    "a jump in a loop": ("closed loop", jump_in_a_loop, "length of steps"),
-    "a speed that no motor has": ("directional maxima", boast_of_speed, "objective speed_1"),
-    "a posture off its position": ("directional maxima", move_a_posture, "position of the tool"),
-    "a motion too fast for its motors": ("point to point", hurry, "motors"),
-    "a duration edited": ("point to point", shorten_duration, "objective duration"),
-    "an energy edited": ("point to point", save_energy, "objective energy"),
-    "a target missed": ("point to point", miss_the_target, "ends"),
-    "a maximum edited": ("polygon", boast_of_a_maximum, "values"),
-    "maxima missing": ("polygon", take_maxima_away, "files"),
-    "an error hidden": ("resolved", hide_the_error, "largest error"),
-    "a resolved motion off its path": ("resolved", leave_the_path, "tracking"),
-}
-
-
-def subjects(rows: Any) -> set[str]:
-    return {row.subject for row in rows}

@@ -28,6 +28,7 @@ class Edited:
 
     @property
     def motions(self) -> dict[str, np.ndarray]:
+        """The arrays of the run's motions."""
         return self.arrays["motions.npz"]
 
 
