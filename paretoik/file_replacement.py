@@ -10,8 +10,10 @@ from __future__ import annotations
 import fcntl
 import os
 import shutil
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+import stat
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -40,63 +42,102 @@ def replace_file(file: Path, content: bytes, *, check: Callable[[Path], object] 
             part.unlink(missing_ok=True)
 
 
-def replace_files(folder: Path, contents: Mapping[str, bytes]) -> None:
-    """Replace files of a folder, by name, all at once or none of them. Whoever calls this is the ``only_writer``.
+@dataclass(frozen=True)
+class OpenFolder:
+    """A folder that is open: what is done by its ``descriptor`` is done there, whatever takes the place of ``path``."""
+
+    path: Path
+    descriptor: int
+
+
+def replace_files(folder: OpenFolder, contents: Mapping[str, bytes]) -> None:
+    """Replace files of a folder, by name, all at once or none of them; the folder is that of an ``only_writer``.
 
     Raises InvalidInput where the system refuses, as on a full disk; the former files are unchanged then.
     """
+    place, part = folder.descriptor, f"{SAVED}.{os.getpid()}"
     for name in contents:
-        if (folder / name).is_dir():
-            raise InvalidInput(f"{folder / name}: wanted to write it, got a folder")
-    part = folder / f"{SAVED}.{os.getpid()}"
-    with refusal(f"{folder}: wanted to write it"):
+        if (folder.path / name).is_dir():
+            raise InvalidInput(f"{folder.path / name}: wanted to write it, got a folder")
+    with refusal(f"{folder.path}: wanted to write it"):
         try:
-            _remove(part)
-            part.mkdir()
-            with plain_folder(part) as place:
+            remove(part, place)
+            os.mkdir(part, dir_fd=place)
+            with plain_folder(part, within=place) as within:
                 for name, content in contents.items():
-                    _write(Path(name), content, place)
-                os.fsync(place)
-            part.rename(folder / SAVED)
+                    _write(Path(name), content, within)
+                os.fsync(within)
+            os.rename(part, SAVED, src_dir_fd=place, dst_dir_fd=place)
         finally:
-            _remove(part)
-        _synchronise(folder)
-        _move_saved(folder)
-    if os.path.lexists(folder / SAVED):  # somebody put it in the place of ours
-        raise InvalidInput(f"{folder}: wanted to write it, got something else in the place of {SAVED}")
+            remove(part, place)
+        os.fsync(place)
+        _move_saved(place)
+    if os.path.lexists(folder.path / SAVED):  # somebody put it in the place of ours
+        raise InvalidInput(f"{folder.path}: wanted to write it, got something else in the place of {SAVED}")
 
 
 @contextmanager
-def plain_folder(folder: Path) -> Iterator[int]:
-    """Yield the descriptor of a folder, for what is done in it; raises OSError for a link, which may lead anywhere."""
-    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+def plain_folder(folder: Path | str, *, within: int | None = None) -> Iterator[int]:
+    """Yield the descriptor of a folder, ``within`` that of a descriptor; raises OSError for a link, which is not one.
+
+    What is done by descriptors is not led elsewhere by a link that takes the folder's place meanwhile.
+    """
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW, dir_fd=within)
     try:
         yield descriptor
     finally:
         os.close(descriptor)
 
 
+def is_plain_folder(name: str, place: int) -> bool:
+    """Say whether a name, in the folder of a descriptor, is that of a folder and no link."""
+    try:
+        return stat.S_ISDIR(os.stat(name, dir_fd=place, follow_symlinks=False).st_mode)
+    except FileNotFoundError:
+        return False
+
+
+def move_files(names: Iterable[str], source: int, target: int) -> None:
+    """Move what has these names, if it is there, from the folder of a descriptor to that of another; links as links."""
+    for name in names:
+        with suppress(FileNotFoundError):
+            os.rename(name, name, src_dir_fd=source, dst_dir_fd=target)
+
+
+def remove(name: str, place: int) -> None:
+    """Remove a file, a link, or a folder with all that is in it, from the folder of a descriptor, if it is there."""
+    try:
+        os.unlink(name, dir_fd=place)
+    except FileNotFoundError:
+        return
+    except (IsADirectoryError, PermissionError):  # of a folder: the systems differ
+        shutil.rmtree(name, dir_fd=place)
+
+
 @contextmanager
-def only_writer(folder: Path) -> Iterator[None]:
+def only_writer(folder: Path, *inner: str) -> Iterator[OpenFolder]:
     """Hold a folder's lock while its files are replaced, so that of two processes neither loses what it adds.
 
-    The folder is made if need be, and what a killed process had saved there moves into place first; the lock ends with
-    the process. Raises InvalidInput where the system refuses.
+    The folder is made if need be, and so are those within it, each ``inner`` one in the one before; these are no links.
+    What a killed process had saved there moves into place first; the lock ends with the process. Raises InvalidInput
+    where the system refuses.
     """
-    with refusal(f"{folder}: wanted a folder to write into"):
-        folder.mkdir(parents=True, exist_ok=True)
-        descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        with refusal(f"{folder}: wanted to lock it against a second writer"):  # not on file systems without locks
+    path = folder.joinpath(*inner)
+    with ExitStack() as stack:
+        with refusal(f"{path}: wanted a folder to write into"):
+            folder.mkdir(parents=True, exist_ok=True)
+            descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+            stack.callback(os.close, descriptor)
+            for name in inner:
+                with suppress(FileExistsError):
+                    os.mkdir(name, dir_fd=descriptor)
+                descriptor = stack.enter_context(plain_folder(name, within=descriptor))
+        with refusal(f"{path}: wanted to lock it against a second writer"):  # not on file systems without locks
             fcntl.flock(descriptor, fcntl.LOCK_EX)
-        try:
-            with refusal(f"{folder}: wanted to write it"):
-                _move_saved(folder)
-            yield
-        finally:
-            fcntl.flock(descriptor, fcntl.LOCK_UN)  # a process forked meanwhile has the descriptor too
-    finally:
-        os.close(descriptor)
+        stack.callback(fcntl.flock, descriptor, fcntl.LOCK_UN)  # a process forked meanwhile has the descriptor too
+        with refusal(f"{path}: wanted to write it"):
+            _move_saved(descriptor)
+        yield OpenFolder(path, descriptor)
 
 
 @contextmanager
@@ -122,20 +163,13 @@ def without_writers(folder: Path) -> Iterator[None]:
             os.close(descriptor)
 
 
-def _move_saved(folder: Path) -> None:
-    saved = folder / SAVED
-    if saved.is_symlink() or not saved.is_dir():
-        return
-    for file in saved.iterdir():
-        file.replace(folder / file.name)
-    saved.rmdir()
-
-
-def _remove(part: Path) -> None:
-    """Remove a folder of files that are not saved, whatever a killed process left of it; a link is not followed."""
-    if part.is_symlink() or part.is_file():
-        part.unlink()
-    shutil.rmtree(part, ignore_errors=True)
+def _move_saved(place: int) -> None:
+    if is_plain_folder(SAVED, place):
+        with plain_folder(SAVED, within=place) as saved:
+            with os.scandir(saved) as listing:
+                names = [each.name for each in listing]
+            move_files(names, saved, place)
+        os.rmdir(SAVED, dir_fd=place)
 
 
 def _write(file: Path, content: bytes, folder: int | None = None) -> None:
@@ -146,15 +180,6 @@ def _write(file: Path, content: bytes, folder: int | None = None) -> None:
         sink.write(content)
         sink.flush()
         os.fsync(sink.fileno())
-
-
-def _synchronise(folder: Path) -> None:
-    """Have the names in a folder on the disk."""
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
 
 
 @contextmanager

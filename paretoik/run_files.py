@@ -6,9 +6,12 @@ altered file is refused.
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import math
+import os
+import stat
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePath
@@ -126,8 +129,8 @@ def result_files(entries: Mapping[str, Any], contents: Mapping[str, bytes]) -> d
 def write_result(folder: Path, entries: Mapping[str, Any], contents: Mapping[str, bytes]) -> None:
     """Write the files of a result into a folder, all at once or none of them; of entries as ``write_run`` does."""
     files = result_files(to_json(entries), contents)
-    with only_writer(folder):
-        replace_files(folder, files)
+    with only_writer(folder) as opened:
+        replace_files(opened, files)
 
 
 def write_run(folder: Path, entries: Mapping[str, Any]) -> None:
@@ -229,13 +232,24 @@ def to_json(value: Any, *, name: str = "run") -> Any:
 
 def read_plain_file(file: Path) -> bytes:
     """Return the content of a plain file; raises InvalidRun for others: a link may lead anywhere, a pipe never end."""
-    if file.is_symlink() or not file.is_file():
-        kind = "a link" if file.is_symlink() else "something else" if file.exists() else "nothing"
-        raise InvalidRun(f"{file}: wanted a plain file, got {kind}")
     try:
-        return file.read_bytes()
+        descriptor = os.open(file, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
+        try:
+            if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+                raise InvalidRun(f"{file}: wanted a plain file, got something else")
+            with open(descriptor, "rb", closefd=False) as content:
+                return content.read()
+        finally:
+            os.close(descriptor)
     except OSError as fault:
-        raise InvalidRun(f"{file}: wanted to read it, got {fault.strerror}") from fault
+        kinds = {
+            errno.ENOENT: "nothing",
+            errno.ENOTDIR: "nothing",
+            errno.ELOOP: "a link",
+            errno.ENXIO: "something else",
+        }
+        wish = "a plain file" if fault.errno in kinds else "to read it"
+        raise InvalidRun(f"{file}: wanted {wish}, got {kinds.get(fault.errno or 0, fault.strerror)}") from fault
 
 
 def _refuse_constant(constant: str) -> None:

@@ -26,14 +26,15 @@ events = 0
 
 def count(event, arguments):
     global events
-    if event in ("open", "os.mkdir", "os.rename", "os.rmdir", "os.remove") and str(folder) in str(arguments[0]):
+    events_of_files = "open", "os.mkdir", "os.rename", "os.rmdir", "os.remove"
+    if event in events_of_files and (str(folder) in str(arguments[0]) or not os.path.isabs(str(arguments[0]))):
         events += 1
         if events == last:
             os.kill(os.getpid(), signal.SIGKILL)
 
 sys.addaudithook(count)
-with only_writer(folder):
-    replace_files(folder, {"a": b"new and longer", "b": b"new", "c": b"new"})
+with only_writer(folder) as opened:
+    replace_files(opened, {"a": b"new and longer", "b": b"new", "c": b"new"})
 print(events)
 """
 
@@ -104,17 +105,17 @@ def test_wherever_the_writer_is_killed_all_files_are_the_old_ones_or_all_are_the
 def test_the_next_writer_goes_on_from_what_a_killed_one_had_saved(tmp_path):
     (tmp_path / SAVED).mkdir()
     (tmp_path / SAVED / "a").write_bytes(b"saved")
-    with only_writer(tmp_path):
+    with only_writer(tmp_path) as opened:
         assert (tmp_path / "a").read_bytes() == b"saved"
-        replace_files(tmp_path, {"b": b"next"})
+        replace_files(opened, {"b": b"next"})
     assert contents(tmp_path) == {"a": b"saved", "b": b"next"}
 
 
 def test_a_folder_where_a_file_should_be_is_refused_and_all_files_stay(tmp_path):
     replace_file(tmp_path / "a", b"old")
     (tmp_path / "b").mkdir()
-    with pytest.raises(InvalidInput, match=r"b: wanted to write it, got a folder"):
-        replace_files(tmp_path, NEW)
+    with pytest.raises(InvalidInput, match=r"b: wanted to write it, got a folder"), only_writer(tmp_path) as opened:
+        replace_files(opened, NEW)
     assert (tmp_path / "a").read_bytes() == b"old"
     assert sorted(file.name for file in tmp_path.iterdir()) == ["a", "b"]
 
@@ -144,6 +145,18 @@ def test_a_link_in_place_of_the_saved_files_is_not_followed(tmp_path):
     with only_writer(folder):
         assert not (folder / "a").exists()
     assert (elsewhere / "a").exists()
+
+
+@pytest.mark.parametrize("linked", ["inner", "inner/most"])
+def test_a_folder_within_that_is_a_link_is_refused_and_nothing_is_written_where_it_leads(tmp_path, linked):
+    (tmp_path / "elsewhere" / "most").mkdir(parents=True)
+    place = tmp_path / "run" / linked
+    place.parent.mkdir(parents=True)
+    place.symlink_to(tmp_path / "elsewhere")
+    refused = pytest.raises(InvalidInput, match="inner/most: wanted a folder to write into, got")
+    with refused, only_writer(tmp_path / "run", "inner", "most") as opened:
+        replace_files(opened, NEW)
+    assert [file.name for file in (tmp_path / "elsewhere").rglob("*")] == ["most"]
 
 
 @pytest.mark.parametrize("planted", ["link", "file", "folder"])
@@ -177,8 +190,8 @@ def test_what_lies_at_the_temporary_name_of_several_files_is_replaced_and_a_link
     else:
         part.mkdir()
         (part / "a").symlink_to(elsewhere / "a")
-    with only_writer(folder):
-        replace_files(folder, NEW)
+    with only_writer(folder) as opened:
+        replace_files(opened, NEW)
     assert contents(folder) == NEW
     assert (elsewhere / "a").read_bytes() == b"mine"
     assert not list(folder.glob(f"{SAVED}*"))

@@ -10,8 +10,6 @@ from paretoik.review.recording.recorded_point import RecordedPoint, record_motio
 from paretoik.review.recording.recorder import LeastViolating
 from paretoik.search.ask_tell import Search
 from paretoik.search.islands import Islands
-from paretoik.task.motion_task import MotionTask
-from paretoik.trajectory.infeasibility import remedy_text
 
 
 def infeasible_error(search: Search | Islands) -> Infeasible:
@@ -21,9 +19,6 @@ def infeasible_error(search: Search | Islands) -> Infeasible:
         return Infeasible(f"no feasible point in {search.evaluations} evaluations, and none without a failure")
     limit, reason = explain_violation(search.problem, nearest.X, nearest.G[0])
     motions = decode(search.problem, nearest.X)
-    task = getattr(search.problem, "task", None)
-    if isinstance(task, MotionTask) and motions is not None:
-        reason += remedy_text(task, motions[0])
     return Infeasible(
         f"no motion within the limits in {search.evaluations} evaluations; of the least-violating one, {reason}",
         motion=None if motions is None else motions[0],

@@ -152,7 +152,7 @@ def _loop_arguments(arguments: dict[str, Any]) -> dict[str, Any]:
 
 def _source(folder: Path, problem: Any) -> Front:
     """Return the front that a run of ``refine`` began with, in the folder that it had then."""
-    front = Front.load(folder / SOURCE)
+    front = Front.load(folder.joinpath(*SOURCE))
     provenance = dict(front.provenance)
     run = provenance.pop("run", None)
     front = replace(front, motions=restore_motions(problem, front), problem=problem, provenance=provenance)

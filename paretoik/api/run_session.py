@@ -17,9 +17,11 @@ from paretoik.execution.executor import open_executor
 from paretoik.execution.machine import versions
 from paretoik.execution.reserved_space import ReservedSpace
 from paretoik.execution.run_folder import claim_folder
+from paretoik.file_replacement import only_writer, replace_files
 from paretoik.fingerprint.fingerprint import fingerprint
 from paretoik.formulations.protocol import Timeline
 from paretoik.front.front import Front
+from paretoik.front.storage import front_files
 from paretoik.inputs import check_flag, check_text, file_path
 from paretoik.journal import journalled
 from paretoik.review.recording.recorder import Recorder, Scene, SearchedFront
@@ -28,7 +30,7 @@ from paretoik.run_files import CHECKPOINT, JOURNAL, RECORDING, STOPPED, has_resu
 from paretoik.stop_flag import STOP
 from paretoik.user_functions import cause_of
 
-SOURCE = Path(CHECKPOINT, "source")  # within a run's folder
+SOURCE = (CHECKPOINT, "source")  # folders, one within the other, in a run's
 RESERVE = Path(CHECKPOINT, "reserve")
 
 
@@ -264,4 +266,6 @@ def _folder(out: str | Path | None, *, overwrite: bool) -> Iterator[Path | None]
 def _save_source(front: Front, folder: Path) -> None:
     """Save the front that a run begins with, and where it is from, should the run be stopped: it goes on from there."""
     run = {} if front.folder is None else {"run": str(front.folder)}
-    replace(front, provenance={**front.provenance, **run}).save(folder / SOURCE)
+    files = front_files(replace(front, provenance={**front.provenance, **run}))
+    with only_writer(folder, *SOURCE) as source:
+        replace_files(source, files)

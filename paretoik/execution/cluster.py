@@ -6,49 +6,25 @@ The client decides everything: which items make a task, what is tried again, and
 from __future__ import annotations
 
 import hashlib
-import time
 import uuid
 import warnings
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import partial
 from queue import Empty, SimpleQueue
 from typing import Any
 
 from paretoik.distribution import Function, Lost, Reply
-from paretoik.errors import InvalidInput, SolverFailed
+from paretoik.errors import InvalidInput
+from paretoik.execution.cluster_options import OPTIONS, ClusterOptions
 from paretoik.execution.cluster_task import Computed, Refused, Task, itself, run_task
+from paretoik.execution.cluster_watch import ClusterWatch
 from paretoik.execution.machine import processor, software
 from paretoik.execution.shipping import pickled
 from paretoik.stop_flag import STOP, Interrupted
 from paretoik.user_functions import cause_of
 
-
-@dataclass(frozen=True, kw_only=True)
-class ClusterOptions:
-    """How tasks are made, and how long a silence is waited for [s].
-
-    A task has items for so many seconds (``portion``), and so many more for every thread (``overhead``), as each task
-    passes through one scheduler and one client, but no more than an even share of those that are left, ``shares`` of
-    them a thread; ``ahead`` tasks a thread are with the scheduler. A signal is looked for every
-    ``interval``, the workers every ``watch``. The scheduler has ``connection`` to answer, ``patience`` to come back,
-    and to have a worker; a worker that was not heard of for ``frozen`` is left out.
-    """
-
-    portion: float = 0.5
-    overhead: float = 0.002
-    shares: int = 2
-    ahead: int = 2
-    interval: float = 0.1
-    watch: float = 2.0
-    connection: float = 5.0
-    patience: float = 60.0
-    frozen: float = 30.0
-
-
-OPTIONS = ClusterOptions()
 CANCELLED = ("cancelled", "lost")  # Dask's words for a future that its scheduler knows no more
 
 
@@ -136,7 +112,7 @@ class _Round:
     """The items of one call, on their way through the cluster."""
 
     def __init__(self, cluster: Cluster, function: bytes, items: Sequence[Any], seconds: float | None) -> None:
-        self.cluster, self.options, self.watch = cluster, cluster.options, _Watch(cluster)
+        self.cluster, self.options, self.watch = cluster, cluster.options, ClusterWatch(cluster, cluster.options)
         self.function, self.items, self.seconds = function, items, seconds
         self.pending = deque(range(len(items)))
         self.suspects = deque[int]()  # with whom workers ended: each is tried again with nobody else about
@@ -239,69 +215,3 @@ class _Round:
     def _check(self, result: Computed) -> None:
         if result.processor != processor():
             self.cluster.tell("workers have another make of processor: the run is reproducible to rounding alone")
-
-
-class _Watch:
-    """Looks after scheduler and workers: says what is missing, waits for it for a while, and then gives up."""
-
-    def __init__(self, cluster: Cluster) -> None:
-        self.cluster, self.options = cluster, cluster.options
-        self.looked = time.monotonic()
-        self.missing: float | None = None  # since when
-
-    def count_threads(self) -> None:
-        """Know at once how many workers there are by now, if there are any."""
-        seen = self._workers()
-        if seen:
-            self.cluster.threads = sum(threads for threads, _ in seen.values())
-
-    def look(self) -> None:
-        """Look, if the last time was some time ago; raises SolverFailed where nobody comes back."""
-        now = time.monotonic()
-        if now - self.looked < self.options.watch:
-            return
-        seen = self._workers()
-        self.looked = time.monotonic()
-        if seen is None:
-            self._miss("scheduler", now)
-        elif not seen:
-            self._miss("worker", now)
-        else:
-            self.missing, self.cluster.threads = None, sum(threads for threads, _ in seen.values())
-        for address, (_, silent) in (seen or {}).items():
-            if silent > self.options.frozen:
-                self.cluster.tell(f"the worker at {address} was silent for {self.options.frozen:g} s and is left out")
-                self._leave_out(address)
-
-    def _miss(self, what: str, now: float) -> None:
-        options, address = self.options, self.cluster.address
-        self.missing = now if self.missing is None else self.missing
-        if now - self.missing > options.patience:
-            raise SolverFailed(f"cluster: no {what} at {address} for {options.patience:g} s; a run goes on with resume")
-        self.cluster.tell(f"no {what} at {address}; one is waited for, {options.patience:g} s at most")
-
-    def _workers(self) -> dict[str, tuple[int, float]] | None:
-        """Return the threads of every worker, and for how long it was silent [s]; None where no scheduler answers."""
-
-        def seen(dask_scheduler: Any) -> dict[str, tuple[int, float]]:  # sent as it is: nothing of ours is needed there
-            import time
-
-            workers = dask_scheduler.workers.items()
-            return {address: (each.nthreads, time.time() - each.last_seen) for address, each in workers}
-
-        return self._ask(seen)
-
-    def _leave_out(self, address: str) -> None:
-        async def leave_out(dask_scheduler: Any) -> None:
-            await dask_scheduler.remove_worker(address=address, close=False, stimulus_id="paretoik-frozen")
-
-        self._ask(leave_out)
-
-    def _ask(self, function: Any) -> Any:
-        client = self.cluster.client
-        if client.status != "running":
-            return None
-        try:
-            return client.sync(client._run_on_scheduler, function, callback_timeout=1.0)
-        except Exception:  # whatever a broken connection raises
-            return None

@@ -3,63 +3,52 @@
 Its files move into `.former-run`, a folder within the run's own. While they move, either way, that is called
 `.former-run.part`, and whatever is in it belongs back. So at every moment, should the process be killed, the next one
 knows which of both runs is whole. Whoever calls these functions holds the folder's lock.
+All of it goes by descriptors of folders: a link that takes the place of one meanwhile is not followed.
 """
 
 from __future__ import annotations
 
-import shutil
-from collections.abc import Iterable
-from pathlib import Path
+import os
+from fnmatch import fnmatchcase
 
-from paretoik.file_replacement import SAVED
+from paretoik.file_replacement import SAVED, OpenFolder, is_plain_folder, move_files, plain_folder, remove
 from paretoik.run_files import CONTENTS, FORMER, can_resume, has_result
 
 PART = f"{FORMER}.part"
 
 
-def set_aside(place: Path) -> None:
+def set_aside(folder: OpenFolder) -> None:
     """Move the run in a folder into `.former-run` within it; one without a result, and nothing to go on, is removed."""
-    if not (has_result(place) or can_resume(place)):
-        remove_run(place)
-        return
-    part = place / PART
-    part.mkdir()
-    _move_run(place, part, reversed(CONTENTS))  # run.json last: a folder without is no run
-    part.rename(place / FORMER)
-    remove_run(place)  # what a killed writer left half written
+    if has_result(folder.path) or can_resume(folder.path):
+        place = folder.descriptor
+        os.mkdir(PART, dir_fd=place)
+        with plain_folder(PART, within=place) as part:
+            move_files(reversed(CONTENTS), place, part)  # run.json last: a folder without is no run
+        os.rename(PART, FORMER, src_dir_fd=place, dst_dir_fd=place)
+    remove_run(folder)  # what a killed writer left half written
 
 
-def settle(place: Path) -> bool:
+def settle(folder: OpenFolder) -> bool:
     """Remove the run that was set aside where the new one has a result, else put it back; say whether that was done."""
-    former, part = place / FORMER, place / PART
-    if _is_folder(former):
-        if has_result(place):
-            shutil.rmtree(former)
+    place = folder.descriptor
+    if is_plain_folder(FORMER, place):
+        if has_result(folder.path):
+            remove(FORMER, place)
             return False
-        remove_run(place)
-        former.rename(part)
-    if not _is_folder(part):
+        remove_run(folder)
+        os.rename(FORMER, PART, src_dir_fd=place, dst_dir_fd=place)
+    if not is_plain_folder(PART, place):
         return False
-    _move_run(part, place, CONTENTS)
-    part.rmdir()
+    with plain_folder(PART, within=place) as part:
+        move_files(CONTENTS, part, place)
+    os.rmdir(PART, dir_fd=place)
     return True
 
 
-def remove_run(place: Path) -> None:
+def remove_run(folder: OpenFolder) -> None:
     """Remove the files of a run from its folder, and nothing else."""
+    with os.scandir(folder.descriptor) as listing:
+        entries = [each.name for each in listing]
     for name in (*reversed(CONTENTS), SAVED):
-        for entry in (place / name, *place.glob(f".{name.lstrip('.')}.*")):
-            if _is_folder(entry):
-                shutil.rmtree(entry)
-            else:
-                entry.unlink(missing_ok=True)
-
-
-def _move_run(source: Path, target: Path, names: Iterable[str]) -> None:
-    for name in names:
-        if (source / name).exists() or (source / name).is_symlink():
-            (source / name).rename(target / name)
-
-
-def _is_folder(place: Path) -> bool:
-    return place.is_dir() and not place.is_symlink()
+        for entry in (name, *(each for each in entries if fnmatchcase(each, f".{name.lstrip('.')}.*"))):
+            remove(entry, folder.descriptor)

@@ -41,12 +41,12 @@ def claim_folder(folder: Path | str, *, overwrite: bool = False) -> Iterator[Pat
     with lock_folder(place):
         _check_replaceable(place, overwrite=overwrite)
         try:
-            with _refusal(place), only_writer(place):
-                set_aside(place)
+            with _refusal(place), only_writer(place) as opened:
+                set_aside(opened)
             yield place
         finally:
-            with _refusal(place), only_writer(place):
-                settle(place)
+            with _refusal(place), only_writer(place) as opened:
+                settle(opened)
 
 
 def _check_replaceable(place: Path, *, overwrite: bool) -> None:
@@ -64,8 +64,8 @@ def lock_folder(place: Path) -> Iterator[Path]:
     locked, or another process is writing into it.
     """
     with _locked(place):
-        with _refusal(place), only_writer(place):
-            restored = settle(place)
+        with _refusal(place), only_writer(place) as opened:
+            restored = settle(opened)
         if restored:
             text = f"{place}: the process that was to replace its run ended without a result; that run is back"
             warnings.warn(text, RuntimeWarning, stacklevel=2)
@@ -83,9 +83,9 @@ def reclaim_folder(place: Path) -> Iterator[Path]:
         try:
             yield place
         finally:
-            with _refusal(place), only_writer(place):
+            with _refusal(place), only_writer(place) as opened:
                 if has_result(place):
-                    settle(place)
+                    settle(opened)
 
 
 @contextmanager
@@ -95,8 +95,7 @@ def _locked(place: Path) -> Iterator[None]:
         foreign = _foreign_entry(place)
         if foreign is not None:
             raise InvalidInput(f"{place}: wanted a new folder, an empty one or a run, got one that holds {foreign}")
-        # Opened by hand because a link in its place must not be followed: its target would be emptied.
-        lock = os.fdopen(os.open(place / LOCK, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666), "r+b")
+        lock = _open_lock(place)
     with lock:
         _lock(lock, place)
         yield
@@ -109,7 +108,9 @@ def _refusal(place: Path) -> AbstractContextManager[None]:
 def check_no_run(folder: Path) -> None:
     """Raise InvalidInput where a process runs in a folder, holding its lock."""
     if (folder / LOCK).exists():
-        with _refusal(folder), (folder / LOCK).open("r+b") as lock:
+        with _refusal(folder):
+            lock = _open_lock(folder)
+        with lock:
             _lock(lock, folder)
 
 
@@ -125,6 +126,11 @@ def _foreign_entry(place: Path) -> str | None:
     others = [name for name in names if not name.startswith((LOCK, f".{RUN}.", FORMER, SAVED))]
     ours = any(is_run(folder / RUN) for folder in (place, place / FORMER, place / PART))
     return None if not others or ours else others[0]
+
+
+def _open_lock(place: Path) -> BinaryIO:
+    """Open the file that is locked; a link in its place is not followed: its target would be emptied."""
+    return os.fdopen(os.open(place / LOCK, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666), "r+b")
 
 
 def _lock(lock: BinaryIO, place: Path) -> None:

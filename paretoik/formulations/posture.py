@@ -29,6 +29,7 @@ from paretoik.task.obstacles import Obstacle
 from paretoik.task.path import Path
 from paretoik.task.retraction import task_errors
 from paretoik.task.task import Task
+from paretoik.trajectory.infeasibility import explain_violation
 
 
 class Posture(Problem):  # type: ignore[misc]  # pymoo is not typed
@@ -123,7 +124,7 @@ class Posture(Problem):  # type: ignore[misc]  # pymoo is not typed
 
     def explain(self, genes: Genes) -> list[str]:
         """Return for each individual why it is infeasible, in words; "" where it is feasible."""
-        return [self.task.describe_violation(motion) for motion in self.decode(genes)]
+        return [explain_violation(self.task, motion) for motion in self.decode(genes)]
 
     def _evaluate(self, X: Genes, out: dict[str, object], *args: object, **kwargs: object) -> None:
         task = self.task

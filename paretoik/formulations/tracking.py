@@ -43,6 +43,7 @@ from paretoik.task.obstacles import Obstacle
 from paretoik.task.obstructed_path import warn_of_obstructed_path
 from paretoik.task.path import Path
 from paretoik.task.task import Task
+from paretoik.trajectory.infeasibility import explain_violation
 from paretoik.trajectory.level_progress import ObserveLevel
 from paretoik.trajectory.motion_cold_search import MotionColdSearch
 from paretoik.trajectory.plan import Plan, find_optima
@@ -283,7 +284,7 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
     def explain(self, genes: Genes) -> list[str]:
         """Return for each individual why it is infeasible, in words; "" where it is feasible."""
         q, on_path = self.encoding.decode(self.task, genes)
-        reasons = [self.task.describe_violation(motion) for motion in self.task.motion(q)]
+        reasons = [explain_violation(self.task, motion) for motion in self.task.motion(q)]
         for i in np.flatnonzero(~on_path.all(axis=1)):
             sample, base = int(np.argmin(on_path[i])), int(self.species(genes[i : i + 1])[0])
             where = f"at sample {sample} ({self.task.times[sample]:.3g} s)"

@@ -34,6 +34,7 @@ from paretoik.task.objectives import Objective, jerk
 from paretoik.task.obstacles import Obstacle
 from paretoik.task.path import Path
 from paretoik.task.task import Task, error_unit
+from paretoik.trajectory.infeasibility import remedy_text
 
 JudgedBy = Literal["worst", "mean"]
 START = Parameter("start", 0.0, 1.0)
@@ -171,14 +172,17 @@ class Tuning(Problem):  # type: ignore[misc]  # pymoo is not typed
 
     def explain(self, genes: Genes) -> list[str]:
         """Return for each individual why it is infeasible, in words; "" where it is feasible."""
-        violations = self._violations(self._follow(genes, self.start_indices(genes)), len(genes))
-        return [self._explain(row) if (row > 0).any() else "" for row in violations]
+        indices = self.start_indices(genes)
+        motions = self._follow(genes, indices)
+        rows = enumerate(self._violations(motions, len(genes)))
+        return [self._explain(row, motions[i * indices.shape[1]]) if (row > 0).any() else "" for i, row in rows]
 
-    def _explain(self, violations: Float[np.ndarray, " limits"]) -> str:
+    def _explain(self, violations: Float[np.ndarray, " limits"], motion: ResolvedMotion) -> str:
         worst = int(np.argmax(violations))
         if self.tolerance is not None and worst == 0:
             return f"{(1 + violations[0]) * self.tolerance:.3g} {error_unit(self.task.tasks)} off the path"
-        return f"{self.constraint_names[worst]} is violated by {100 * violations[worst]:.3g} % of its range"
+        words = f"{self.constraint_names[worst]} is violated by {100 * violations[worst]:.3g} % of its range"
+        return words + remedy_text(self.task, motion)
 
     def _follow(self, genes: Genes, indices: Int[np.ndarray, "points judged"]) -> ResolvedMotion:
         """Return the motions (points · judged, time, dof) of individuals from their starts."""

@@ -51,6 +51,16 @@ def save(front: Front, folder: Path, *, overwrite: bool = False) -> None:
     ``overwrite``; the choices kept beside it stay as long as their points do. Raises InvalidInput where that is not
     allowed or fails, or the provenance holds what JSON cannot, or a name that the format needs.
     """
+    files = front_files(front)
+    with only_writer(folder) as opened:
+        if _is_replaced(front, folder, overwrite=overwrite) and (folder / CHOICES).exists():
+            files[CHOICES] = choices_bytes(Choices())
+        replace_files(opened, files)
+    attach(front, folder)
+
+
+def front_files(front: Front) -> dict[str, bytes]:
+    """Return the contents of a front's files by name; raises InvalidInput as ``save`` does for its provenance."""
     clashes = [name for name in RESERVED_ENTRIES if name in front.provenance]
     if clashes:
         raise InvalidInput(f"front provenance: wanted none of {', '.join(RESERVED_ENTRIES)}, got {clashes[0]!r}")
@@ -58,14 +68,9 @@ def save(front: Front, folder: Path, *, overwrite: bool = False) -> None:
     if front.motions is not None or front.genes is not None or front.certificates is not None:
         files[MOTIONS] = _motions_bytes(front)
     try:
-        files = result_files(_run_entries(front), files)
+        return result_files(_run_entries(front), files)
     except (TypeError, ValueError) as fault:
         raise InvalidInput(f"front provenance: wanted what strict JSON can hold, got {fault}") from fault
-    with only_writer(folder):
-        if _is_replaced(front, folder, overwrite=overwrite) and (folder / CHOICES).exists():
-            files[CHOICES] = choices_bytes(Choices())
-        replace_files(folder, files)
-    attach(front, folder)
 
 
 def _is_replaced(front: Front, folder: Path, *, overwrite: bool) -> bool:

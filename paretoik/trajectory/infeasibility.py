@@ -73,6 +73,11 @@ def remedy_text(task: MotionTask, motion: Motion) -> str:
     return text
 
 
+def explain_violation(task: MotionTask, motion: Motion) -> str:
+    """Return which limit a motion violates most, where, by how much, and what may help; "" where it keeps them all."""
+    return task.describe_violation(motion) + remedy_text(task, motion)
+
+
 def infeasible_error(
     task: MotionTask, level: MotionTask, motion: Motion, *, obstructed: bool, status: str
 ) -> Infeasible:

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -174,17 +175,16 @@ def test_a_run_that_ended_for_want_of_a_motion_says_why_and_not_how_to_go_on(tmp
 
 KILLED = """
 import os, signal, sys
-from pathlib import Path
 from paretoik.execution.run_folder import claim_folder
 from paretoik.run_files import write_run
-left, rename = int(sys.argv[2]), Path.rename
-def counted(self, target):
+left, rename = int(sys.argv[2]), os.rename
+def counted(*names, **folders):
     global left
+    rename(*names, **folders)
     if not left:
         os.kill(os.getpid(), signal.SIGKILL)
     left -= 1
-    return rename(self, target)
-Path.rename = counted
+os.rename = counted
 with claim_folder(sys.argv[1], overwrite=True) as folder:
     write_run(folder, {"status": "running"})
     (folder / "choices.json").write_text("of the new one")
@@ -199,6 +199,53 @@ def test_wherever_a_process_is_killed_while_it_moves_a_run_nothing_of_it_is_lost
     assert killed.returncode == -signal.SIGKILL
     with warnings.catch_warnings(action="ignore"), lock_folder(tmp_path):
         assert contents(tmp_path) == before
+
+
+PLANTED = """
+import os, sys
+from pathlib import Path
+from paretoik.errors import InvalidInput
+from paretoik.execution.run_folder import claim_folder
+from paretoik.file_replacement import only_writer, replace_files
+from paretoik.run_files import write_run
+folder, elsewhere, last, events = Path(sys.argv[1]), Path(sys.argv[2]), int(sys.argv[3]), 0
+names = ".former-run", ".former-run.part", ".saved", f".saved.{os.getpid()}", "checkpoint"
+within = "checkpoint/source", f"checkpoint/source/.saved.{os.getpid()}", "checkpoint/source/.saved"
+def plant(event, arguments):
+    global events
+    if event in ("open", "os.mkdir", "os.rename", "os.rmdir", "os.remove", "shutil.rmtree"):
+        events += 1
+        for i, name in enumerate((*within, *names) if events == last else ()):
+            if (folder / name).is_dir() and not (folder / name).is_symlink():
+                (folder / name).rename(folder / f"away{i}")
+                (folder / name).symlink_to(elsewhere)
+sys.addaudithook(plant)
+try:
+    with claim_folder(folder, overwrite=True):
+        write_run(folder, {"status": "running"})
+        with only_writer(folder, "checkpoint", "source") as source:
+            replace_files(source, {"run.json": b"new"})
+        raise InvalidInput("the end")
+except InvalidInput:
+    print(events)
+"""
+
+
+def test_whenever_a_link_takes_the_place_of_a_folder_within_nothing_changes_where_it_leads(tmp_path):
+    """The link comes between any two events on files, so also between a look at a folder and what is done in it."""
+    finished_run(tmp_path / "run")
+    (tmp_path / "elsewhere" / "source").mkdir(parents=True)
+    for name in (*CONTENTS[:3], "source/run.json"):
+        (tmp_path / "elsewhere" / name).write_text("precious")
+    before = {file: file.stat() for file in (tmp_path / "elsewhere").rglob("*")}
+    last = events = 1
+    while last <= events:
+        shutil.copytree(tmp_path / "run", tmp_path / str(last))
+        command = [sys.executable, "-c", PLANTED, tmp_path / str(last), tmp_path / "elsewhere", str(last)]
+        events = int(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
+        assert {file: file.stat() for file in (tmp_path / "elsewhere").rglob("*")} == before
+        last += 1
+    assert last > 20
 
 
 def test_a_checkpoint_that_is_a_link_is_removed_and_not_followed(tmp_path):
