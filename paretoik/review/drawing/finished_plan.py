@@ -219,7 +219,7 @@ class FinishedPlan:
         points = [*optima, *self._best, *(point for points in self._bests for point in points)]
         if not points:
             return None
-        others = [start for _, _, _, (start, _) in self._walk]
+        others = [point for _, _, _, pair in self._walk for point in pair]
         return MotionScene(workcell=self.scene.workcell, names=(START,), points=[*points, *others], prefix="")
 
     @cached_property

@@ -15,6 +15,7 @@ from paretoik.review.drawing.search_charts import front_size
 from paretoik.review.drawing.search_scene import SearchScene
 from paretoik.review.recording.recorder import Generation
 from paretoik.review.run_words import counted, named_unit, run_text, value_text
+from paretoik.search.maximin import dominates
 
 
 def choice_text(front: Front, choice: Choice, *, title: str = "chosen", whole: bool = True) -> str:
@@ -82,8 +83,8 @@ def text_of(
     """
     if scene.timeline == "step":
         return screen_text(_step_text(scene, generation))
-    outside_lines = outside_text(outside, len(generation.population), end)
-    words = "\n".join([_generation_text(scene, generation, moved), *outside_lines])
+    notes = [*outside_text(outside, len(generation.population), end), *_better_but_infeasible(scene, generation)]
+    words = "\n".join([_generation_text(scene, generation, moved), *notes])
     return screen_text(unbroken_units(words, scene.units))
 
 
@@ -92,6 +93,17 @@ def outside_text(outside: int, count: int, what: str) -> list[str]:
     verb = "lies" if outside == 1 else "lie"
     words = f"{outside} of {counted(count, 'individual')} {verb} outside the axes, which show what is near {what}."
     return ["", words] if outside else []
+
+
+def _better_but_infeasible(scene: SearchScene, generation: Generation) -> list[str]:
+    """Return how many individuals of a search dominate its front and are not on it: these are not feasible."""
+    if scene.timeline != "generation" or not len(generation.front):
+        return []
+    signs = np.where(scene.maximised, -1.0, 1.0)
+    better = dominates((generation.population * signs)[:, None], (generation.front * signs)[None]).any(axis=1)
+    count = int(better.sum())
+    verb = "looks better than the front and breaks" if count == 1 else "look better than the front and break"
+    return ["", f"{counted(count, 'individual')} {verb} a limit or a constraint."] if count else []
 
 
 def _generation_text(scene: SearchScene, generation: Generation, moved: int | None) -> str:
