@@ -27,6 +27,7 @@ FORMAT = 1
 RUN = "run.json"
 TABLE = "front.parquet"
 MOTIONS = "motions.npz"
+NEAREST = "least_violating.npz"  # of a run that found nothing feasible
 RECORDING = "review.rrd"
 PICTURE = "front.png"
 CERTIFICATES = "certificates.png"
@@ -45,6 +46,7 @@ CONTENTS = (
     RUN,
     TABLE,
     MOTIONS,
+    NEAREST,
     RECORDING,
     PICTURE,
     CERTIFICATES,

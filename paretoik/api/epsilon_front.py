@@ -11,6 +11,7 @@ import numpy as np
 from paretoik.api.certificate_time import reserve_for_certificates
 from paretoik.api.certified_front import certified_front
 from paretoik.api.initial import initial_points, remembered_points
+from paretoik.api.least_violating import infeasible_recorded
 from paretoik.api.progress import Observer
 from paretoik.api.review_front import review_front
 from paretoik.api.run_session import RunSession, Subject, run_session
@@ -136,7 +137,7 @@ def _sweep(problem: Any, formulation: Differentiable, initial: Points | None, se
         workcell=workcell_of(problem),
     )
     display, solver = SweepDisplay(session, formulation), settings["solver"]
-    with reserve_for_certificates(settings["points"]):
+    with infeasible_recorded(session, problem, display.infeasible_end), reserve_for_certificates(settings["points"]):
         cold = formulation.cold_search(
             starts=settings["starts"],
             seed=settings["seed"],

@@ -1,15 +1,25 @@
-"""What a search comes to that has found nothing feasible: the least-violating individual, and what it breaks."""
+"""What a run comes to that has found nothing feasible: the least-violating individual or motion, and what it breaks."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
 import numpy as np
 
+from paretoik.api.infeasible_run import ObjectiveNames, infeasible_files
+from paretoik.api.run_session import RunSession
 from paretoik.errors import Infeasible
-from paretoik.formulations.protocol import decode, explain_violation, violation_words
+from paretoik.formulations.protocol import broken_words, decode, explain_violation, violation_words
+from paretoik.review.recording.least_violating import LeastViolating
+from paretoik.review.recording.planned import PlanEnd
 from paretoik.review.recording.recorded_point import RecordedPoint, record_motion
-from paretoik.review.recording.recorder import LeastViolating
+from paretoik.review.recording.recorder import SearchEnd
 from paretoik.search.ask_tell import Search
 from paretoik.search.islands import Islands
+from paretoik.task.motion import Motion
+from paretoik.task.motion_task import MotionTask
 
 
 def infeasible_error(search: Search | Islands) -> Infeasible:
@@ -27,18 +37,58 @@ def infeasible_error(search: Search | Islands) -> Infeasible:
     )
 
 
-def least_violating(search: Search | Islands, failure: Infeasible | None = None) -> LeastViolating | None:
-    """Return what a recording shows of the least-violating individual so far, at the end with the error and its motion.
+def least_violating(search: Search | Islands) -> LeastViolating | None:
+    """Return what a recording shows of the least-violating individual so far.
 
     None as soon as there is a feasible point, and where all evaluations failed.
     """
     nearest = search.archive.least_violating
+    return None if nearest is None else LeastViolating(broken=violation_words(search.problem, nearest.G[0]))
+
+
+def least_violating_end(search: Search | Islands, failure: Infeasible) -> LeastViolating:
+    """Return what a recording shows at the end of a search without a feasible point."""
+    nearest = search.archive.least_violating
     if nearest is None:
-        return None
-    broken = violation_words(search.problem, nearest.G[0])
-    if failure is None:
-        return LeastViolating(broken=broken)
+        return LeastViolating(broken=(), reason=str(failure))
     objectives = nearest.F[0] * np.where(search.maximised, -1.0, 1.0)
     motion = record_motion(failure.motion, curves=True)
     point = RecordedPoint(id=int(nearest.ids[0]), objectives=objectives, motion=motion)
-    return LeastViolating(broken=broken, reason=str(failure), point=point)
+    return LeastViolating(broken=violation_words(search.problem, nearest.G[0]), reason=str(failure), point=point)
+
+
+def limit_words(task: MotionTask, motion: Motion) -> tuple[str, ...]:
+    """Return which limits a motion breaks and by how much, the worst first."""
+    return broken_words(task.limit_names, ["of its range"] * len(task.limit_names), task.violations(motion))
+
+
+@contextmanager
+def infeasible_recorded(
+    session: RunSession, problem: Any, end: Callable[[LeastViolating], PlanEnd | SearchEnd]
+) -> Iterator[None]:
+    """Let a body that finds no feasible motion complete the recording, with the ``end`` of the least-violating one."""
+    try:
+        yield
+    except Infeasible as failure:
+        nearest = _nearest_motion(problem, failure)
+        finish_infeasible(session, problem, failure, nearest, end(nearest))
+        raise
+
+
+def finish_infeasible(
+    session: RunSession, names: ObjectiveNames, failure: Infeasible, nearest: LeastViolating, end: PlanEnd | SearchEnd
+) -> None:
+    """Complete the recording of a run that found nothing feasible, and keep what comes nearest in its folder."""
+    session.infeasible = infeasible_files(names, failure, nearest)
+    with session.reviewing():
+        session.finish_recording(end)
+
+
+def _nearest_motion(problem: Any, failure: Infeasible) -> LeastViolating:
+    """Return what a recording shows of the motion that an error has."""
+    task, motion = getattr(problem, "task", None), failure.motion
+    if not isinstance(task, MotionTask) or not isinstance(motion, Motion):
+        return LeastViolating(broken=(), reason=str(failure))
+    objectives = np.array([float(objective(motion)) for objective in task.objectives])
+    point = RecordedPoint(id=0, objectives=objectives, motion=record_motion(motion, curves=True))
+    return LeastViolating(broken=limit_words(task, motion), reason=str(failure), point=point)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from paretoik.api.initial import remembered_motions
+from paretoik.api.least_violating import infeasible_recorded
 from paretoik.api.plan_display import PlanDisplay
 from paretoik.api.plan_storage import save_plan
 from paretoik.api.progress import Observer
@@ -114,7 +115,8 @@ def plan(
     ) as session:
         initial = remembered_motions(problem, initial)
         display = PlanDisplay(session, problem)
-        with session.computing(time_limit):
+        recorded = infeasible_recorded(session, problem, display.infeasible_end)
+        with recorded, session.computing(time_limit):
             plan = find_optima(starts=starts, seed=seed, initial=initial, solver=solver, observe=display.show_level)
         counts = {"optima": len(plan.optima), "starts": plan.starts, "seconds": round(session.seconds, 3)}
         ending = {"status": session.stopped_by or "optima", "counts": counts}

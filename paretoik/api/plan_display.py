@@ -6,9 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from paretoik.api.least_violating import limit_words
 from paretoik.api.progress import count_observer
 from paretoik.api.run_session import RunSession
 from paretoik.review.palette import objective_label
+from paretoik.review.recording.least_violating import LeastViolating
 from paretoik.review.recording.planned import PlanEnd, PlannedLevel, PlannedMotions, PlannedOptimum, PlannedScene
 from paretoik.review.recording.recorded_point import RecordedPoint, record_motion
 from paretoik.review.recording.workcell import workcell_of
@@ -39,8 +41,14 @@ class PlanDisplay:
             self._levels.append(_planned_level(len(self._levels), level))
             self._session.record(self._levels[-1])
         if self._show is not None:
-            words = f"{len(level.starts)} starts, {len(level.optima)} distinct optima"
+            feasible = _least_violating(level) is None
+            found = f"{len(level.optima)} distinct optima" if feasible else "none within the limits"
+            words = f"{len(level.starts)} starts, {found}"
             self._show(level.samples, len(self._problem.task.times), words)
+
+    def infeasible_end(self, nearest: LeastViolating) -> PlanEnd:
+        """Return the end of a plan without a feasible motion."""
+        return PlanEnd(least_violating=nearest)
 
     def review(self, plan: Plan) -> None:
         """Complete the recording with the optima, and, unless a signal came, draw the plan."""
@@ -66,8 +74,23 @@ def _planned_level(number: int, level: LevelProgress) -> PlannedLevel:
         optima=level.optima,
         optimum=_nearest_optima(level),
     )
-    ends = np.where(level.converged, ends, np.nan)
-    return PlannedLevel(number=number, samples=level.samples, starts=starts, ends=ends, optima=optima, motions=motions)
+    return PlannedLevel(
+        number=number,
+        samples=level.samples,
+        starts=starts,
+        ends=np.where(level.converged, ends, np.nan),
+        optima=optima,
+        motions=motions,
+        least_violating=_least_violating(level),
+    )
+
+
+def _least_violating(level: LevelProgress) -> LeastViolating | None:
+    """Return what the best motion of a level breaks; None where it keeps all limits."""
+    motion = level.task.motion(level.optima[0])
+    if level.task.violations(motion).max(initial=0.0) <= OPTIONS.feasible:
+        return None
+    return LeastViolating(broken=limit_words(level.task, motion))
 
 
 def _nearest_optima(level: LevelProgress) -> np.ndarray:

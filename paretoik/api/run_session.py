@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path, PosixPath
 from typing import Any
 
+from paretoik.api.infeasible_run import InfeasibleFiles
 from paretoik.api.progress import Observer, RunProgress
 from paretoik.api.verb_session import VerbSession, verb_session
 from paretoik.errors import InvalidInput
@@ -17,7 +18,7 @@ from paretoik.execution.executor import open_executor
 from paretoik.execution.machine import versions
 from paretoik.execution.reserved_space import ReservedSpace
 from paretoik.execution.run_folder import claim_folder
-from paretoik.file_replacement import only_writer, replace_files
+from paretoik.file_replacement import only_writer, replace_file, replace_files
 from paretoik.fingerprint.fingerprint import fingerprint
 from paretoik.formulations.protocol import Timeline
 from paretoik.front.front import Front
@@ -49,6 +50,7 @@ class RunSession(VerbSession):
     recorder: Recorder | None = None
     draft: Front | None = None
     room: ReservedSpace | None = None  # on the disk, for the result
+    infeasible: InfeasibleFiles | None = None  # what comes nearest, where nothing is feasible
     finished: bool = False
 
     def start(
@@ -152,9 +154,18 @@ class RunSession(VerbSession):
             return
         self._leave_room()
         if self.draft is None and not has_result(self.folder):  # one that goes on may have one from before
-            write_run(self.folder, {**self.provenance, **failure})
+            self._write_failure(self.folder, {**self.provenance, **failure})
         elif self.draft is not None:
             replace(self.draft, provenance={**self.draft.provenance, **failure}).save(self.folder, overwrite=True)
+
+    def _write_failure(self, folder: Path, entries: Mapping[str, Any]) -> None:
+        """Write why a run without a result failed, and what comes nearest where nothing is feasible."""
+        nearest = self.infeasible
+        if nearest is not None:
+            entries = {**entries, **nearest.entries}
+            for name, content in nearest.contents.items():
+                replace_file(folder / name, content)
+        write_run(folder, entries)
 
     def _leave_room(self) -> None:
         if self.room is not None:

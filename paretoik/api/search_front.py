@@ -11,7 +11,7 @@ import numpy as np
 from paretoik.api.completion import complete_front
 from paretoik.api.generation_motions import GenerationMotions
 from paretoik.api.initial import InitialSolutions, merge_front
-from paretoik.api.least_violating import infeasible_error, least_violating
+from paretoik.api.least_violating import finish_infeasible, infeasible_error, least_violating, least_violating_end
 from paretoik.api.progress import RunProgress
 from paretoik.api.refine import SearchImprover
 from paretoik.api.review_front import review_front
@@ -152,8 +152,8 @@ class FrontSearch:
         front = self._front(session, session.signal or status)
         if not len(front):
             failure = infeasible_error(search)
-            with session.reviewing():
-                session.finish_recording(SearchEnd(front=None, least_violating=least_violating(search, failure)))
+            nearest = least_violating_end(search, failure)
+            finish_infeasible(session, search, failure, nearest, SearchEnd(front=None, least_violating=nearest))
             raise Interrupted if session.signal else failure
         return front
 

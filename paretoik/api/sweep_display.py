@@ -16,8 +16,9 @@ from paretoik.front.hypervolume_curve import HypervolumeCurve
 from paretoik.front.indicators import ranges_of
 from paretoik.front.marked_rows import marked_rows
 from paretoik.pareto.sweep import SweepProgress
+from paretoik.review.recording.least_violating import LeastViolating
 from paretoik.review.recording.recorded_point import RecordedPoint, record_motion
-from paretoik.review.recording.recorder import Generation
+from paretoik.review.recording.recorder import Generation, SearchEnd
 
 
 class SweepDisplay:
@@ -74,6 +75,20 @@ class SweepDisplay:
                 hypervolume=self._hypervolume.measure(front.minimised, self._steps),
             )
             self._session.recorder.record(generation)
+
+    def infeasible_end(self, nearest: LeastViolating) -> SearchEnd:
+        """Return the end of a sweep without a feasible motion, after a level that has the least-violating one."""
+        if self._session.recorder is not None and nearest.point is not None:
+            n_obj = len(self._signs)
+            generation = Generation(
+                number=self._steps,
+                population=nearest.point.objectives[None],
+                front=np.empty((0, n_obj)),
+                front_ids=np.empty(0, dtype=int),
+                least_violating=nearest,
+            )
+            self._session.recorder.record(generation)
+        return SearchEnd(front=None, least_violating=nearest)
 
     def _marked(self, progress: SweepProgress) -> tuple[RecordedPoint, ...]:
         """Return the best point of every objective and the compromise, with their motions."""

@@ -156,8 +156,12 @@ def encode(problem: Any, motions: Any) -> tuple[Genes, np.ndarray]:
 def violation_words(problem: Any, violation: np.ndarray) -> tuple[str, ...]:
     """Return which constraints an individual's violations (n_constr,) break and by how much, the worst first."""
     units = getattr(problem, "constraint_units", ("",) * len(violation))
+    return broken_words(_constraint_names(problem, violation), units, violation)
+
+
+def broken_words(names: Sequence[str], units: Sequence[str], violation: np.ndarray) -> tuple[str, ...]:
+    """Return which constraints, by their names, are violated and by how much in their units, the worst first."""
     broken = [row for row in np.argsort(-violation, kind="stable") if violation[row] > 0]
-    names = _constraint_names(problem, violation)
     return tuple(f"{names[row]}: violated by {violation[row]:.3g} {units[row]}".rstrip() for row in broken)
 
 

@@ -78,3 +78,13 @@ def _settings(provenance: Mapping[str, Any]) -> list[str]:
 
 def _setting_text(setting: object) -> str:
     return {True: "yes", False: "no"}[setting] if isinstance(setting, bool) else str(setting)
+
+
+def named_unit(name: str, unit: str) -> str:
+    """Return the name of an objective, with [1] where its values have no unit to be told with."""
+    return name if unit else f"{name} [1]"
+
+
+def value_text(value: float, unit: str, *, digits: int = 4) -> str:
+    """Return a value to so many digits with its unit, if it has one."""
+    return f"{value:.{digits}g} {unit}".rstrip()

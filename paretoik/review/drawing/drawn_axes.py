@@ -25,6 +25,7 @@ class TextSize:
 
     line: float = 20.0
     character: float = 6.5
+    padding: float = 8.0  # of the box behind a label, left and right together
     drop: float = 12.0  # from a label's point down to its middle
     left: float = 74.0
     right: float = 22.0
@@ -115,16 +116,16 @@ class Canvas:
                     words.append(word)
                     places.append(place + np.array([0.0, 0.7 * TEXT.line]))
             words.append(self.labels[0])
-            middle = min(x + width / 2, self.right_edge - 0.5 * text_width(self.labels[0]) - 8.0)
-            places.append(np.array([middle, y + height + 1.75 * TEXT.line + self.label_drop]))
+            label_middle = min(x + width / 2, self.right_edge - 0.5 * text_width(self.labels[0]) - 8.0)
+            places.append(np.array([label_middle, y + height + 1.75 * TEXT.line + self.label_drop]))
         if self.ticked[1]:
             tick_places = self.place(np.array([(self.low[0], tick) for tick in along]).reshape(-1, 2))
             tick_labels = tick_words(along)
-            words += tick_labels
-            places += [
-                place - (0.5 * text_width(word) + 6.0, 0.0)
-                for place, word in zip(tick_places, tick_labels, strict=True)
-            ]
+            for word, place in zip(tick_labels, tick_places, strict=True):
+                middle = place - (0.5 * text_width(word) + 6.0, 0.0)
+                if not _is_covered(word, middle, words, places):  # in the corner, by the first tick below
+                    words.append(word)
+                    places.append(middle)
             words.append(self.labels[1])
             places.append(np.array([x - 0.8 * TEXT.left + 0.5 * text_width(self.labels[1]), y - 0.95 * TEXT.line]))
         return words, np.array(places).reshape(-1, 2)
@@ -141,6 +142,15 @@ def labels(
         colors=colours,
         radii=rr.Radius.ui_points(0.0),
         draw_order=-5.0,
+    )
+
+
+def _is_covered(word: str, middle: np.ndarray, words: Sequence[str], places: Sequence[np.ndarray]) -> bool:
+    """Say whether the label of a word would overlap one of others, around their middles."""
+    return any(
+        abs(middle[0] - place[0]) < 0.5 * (text_width(word) + text_width(other)) + TEXT.padding
+        and abs(middle[1] - place[1]) < 0.8 * TEXT.line
+        for other, place in zip(words, places, strict=True)
     )
 
 

@@ -12,6 +12,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from paretoik.review.drawing.curve_charts import Chart
+from paretoik.review.drawing.infeasible_text import infeasible_text
 from paretoik.review.drawing.legend import Legend
 from paretoik.review.drawing.legend_entries import plan_entries
 from paretoik.review.drawing.motion_scene import MotionScene
@@ -46,10 +47,10 @@ class FinishedPlan:
 
     def log(self, stream: rr.RecordingStream) -> None:
         """Draw everything."""
-        assert self._motions is not None, "a level or an end has an optimum"
         self._layout.legend.log(stream)
         self._panel.log(stream)
-        self._motions.log(stream)
+        if self._motions is not None:
+            self._motions.log(stream)
         for chart, instants, curves in self._charts:
             chart.log(stream)
             chart.draw(stream, instants, curves, static=True)
@@ -64,9 +65,10 @@ class FinishedPlan:
             self._log_level(stream, place, level)
         if self.end is not None:
             self._log_end(stream, self.end)
-        self._send_motions(stream, self._motions)
-        self._log_starts(stream, self._motions)
-        self._log_optima(stream, self._motions)
+        if self._motions is not None:
+            self._send_motions(stream, self._motions)
+            self._log_starts(stream, self._motions)
+            self._log_optima(stream, self._motions)
         stream.reset_time()
         stream.send_blueprint(self._layout.blueprint())
 
@@ -92,12 +94,22 @@ class FinishedPlan:
         self._at_the_end(stream)
         count = len(self._panel.starts)
         self._panel.log_until(stream, count, ended=True)
-        self._log_text(stream, plan_end_text(self.scene, end, self._lasts[0] if self._lasts else 0, count))
-        stream.log("search/optima", rr.AnyValues(objective=[float(each.point.objectives[0]) for each in end.optima]))
+        self._log_text(stream, self._end_text(end, count))
+        if end.optima:
+            stream.log(
+                "search/optima", rr.AnyValues(objective=[float(each.point.objectives[0]) for each in end.optima])
+            )
         for chart, _, _ in self._charts:
             chart.log_cursor(stream, float(len(self.messages) - 1))
         if self._motions is not None:
             self._motions.log_whole(stream, self._best)
+
+    def _end_text(self, end: PlanEnd, starts: int) -> str:
+        """Return what is to be known of the end: its optima, or why there is none."""
+        nearest, scene = end.least_violating, self.scene
+        if nearest is None:
+            return plan_end_text(scene, end, self._lasts[0] if self._lasts else 0, starts)
+        return infeasible_text((scene.name,), (scene.unit,), nearest, scene.workcell, heading="No feasible motion")
 
     def _at_the_end(self, stream: rr.RecordingStream) -> None:
         """Let what follows stand at the end of ``replay``, and on ``motion`` and ``optimum``."""
@@ -167,9 +179,12 @@ class FinishedPlan:
 
     @property
     def _best(self) -> tuple[RecordedPoint, ...]:
-        """The best optimum of the plan, or of its last level."""
-        if self.end is not None:
+        """The best optimum of the plan, the least-violating motion where it has none, or the best of its last level."""
+        nearest = None if self.end is None else self.end.least_violating
+        if self.end is not None and self.end.optima:
             return (self.end.optima[0].point,)
+        if nearest is not None and nearest.point is not None:
+            return (nearest.point,)
         return self._bests[-1] if self._bests else ()
 
     @cached_property
@@ -189,6 +204,10 @@ class FinishedPlan:
         words = f"Of {len(self._panel.starts)} starts {len(self._walk)} are shown one by one." if left_out else ""
         return " ".join(filter(None, (self.note, words)))
 
+    @property
+    def _is_feasible(self) -> bool:
+        return self.end is None or self.end.least_violating is None
+
     @cached_property
     def _clock(self) -> ReplayClock:
         return ReplayClock.of(self._bests)
@@ -197,10 +216,10 @@ class FinishedPlan:
     def _motions(self) -> MotionScene | None:
         """The arms; None where there is no motion yet."""
         optima = () if self.end is None else [each.point for each in self.end.optima[: DRAWING.walk]]
-        points = [*optima, *(point for points in self._bests for point in points)]
+        points = [*optima, *self._best, *(point for points in self._bests for point in points)]
         if not points:
             return None
-        others = [start for _, _, _, (start, _) in self._walk]
+        others = [point for _, _, _, pair in self._walk for point in pair]
         return MotionScene(workcell=self.scene.workcell, names=(START,), points=[*points, *others], prefix="")
 
     @cached_property
@@ -247,7 +266,7 @@ class FinishedPlan:
         motions = self._motions
         notes: list[rrb.View] = [note_view()] if self._note else []
         return Layout(
-            legend=Legend(entity="legend", entries=plan_entries(motions)),
+            legend=Legend(entity="legend", entries=plan_entries(motions, feasible=self._is_feasible)),
             front=self._panel.view(),
             charts=[chart.view() for chart, _, _ in self._charts],
             arm=None if motions is None else motions.view(),

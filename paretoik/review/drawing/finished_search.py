@@ -16,20 +16,22 @@ from paretoik.front.front import Front
 from paretoik.review.drawing.curve_charts import Chart
 from paretoik.review.drawing.front_panels import replay_window
 from paretoik.review.drawing.front_views import FrontViews, RecordedSearch
+from paretoik.review.drawing.infeasible_text import infeasible_text
 from paretoik.review.drawing.joint_charts import posture_chart
 from paretoik.review.drawing.legend import Legend
 from paretoik.review.drawing.legend_entries import search_entries
 from paretoik.review.drawing.motion_scene import CHOSEN, MotionScene
-from paretoik.review.drawing.point_text import choice_text, infeasible_text, point_text, reason_text, text_of
+from paretoik.review.drawing.point_text import choice_text, point_text, reason_text, text_of
 from paretoik.review.drawing.recording_layout import TEXT, WHY, Layout, text_view
 from paretoik.review.drawing.replay_clock import ReplayClock, has_motions, is_moving, replay_times
 from paretoik.review.drawing.search_charts import DrawnChart
 from paretoik.review.drawing_options import DRAWING
 from paretoik.review.even_rows import even_rows
 from paretoik.review.palette import SCREEN
+from paretoik.review.recording.least_violating import LeastViolating
 from paretoik.review.recording.recorded_end import end_points, front_point
 from paretoik.review.recording.recorded_point import RecordedPoint
-from paretoik.review.recording.recorder import Generation, LeastViolating, SearchEnd
+from paretoik.review.recording.recorder import Generation, SearchEnd
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -132,9 +134,10 @@ class FinishedSearch:
     def _log_nearest(self, stream: rr.RecordingStream, nearest: LeastViolating) -> None:
         """Say what is broken where nothing is feasible, and show the motion that breaks least."""
         self._at_the_end(stream)
-        words = infeasible_text(self.search.scene, nearest, self.search.recorded.workcell)
-        stream.log(TEXT, rr.TextDocument(words, media_type="text/markdown"))
         scene, canvases = self.search.scene, self._views.canvases
+        cell, heading = self.search.recorded.workcell, "No feasible point"
+        words = infeasible_text(scene.names, scene.units, nearest, cell, heading=heading)
+        stream.log(TEXT, rr.TextDocument(words, media_type="text/markdown"))
         scene.log_marked(stream, self._end_points, canvases, avoided=self._drawn, taken=self._lines)
         if self._motions is not None:
             self._motions.log_whole(stream, self._end_points)

@@ -36,8 +36,8 @@ def search_entries(
     return entries + motion_entries(motions, f"{arm}, or of the point looked at" if walked else arm)
 
 
-def plan_entries(motions: MotionScene | None) -> list[Entry]:
-    """Return what is drawn of a plan in which colour."""
+def plan_entries(motions: MotionScene | None, *, feasible: bool = True) -> list[Entry]:
+    """Return what is drawn of a plan in which colour, also of one without a feasible motion."""
     entries: list[Entry] = [
         ("start", SCREEN.population),
         ("start beyond the axes: a dash at their edge", SCREEN.population),
@@ -47,7 +47,10 @@ def plan_entries(motions: MotionScene | None) -> list[Entry]:
         ("optimum looked at", SCREEN.arm),
         ("values of the optima", SCREEN.final),
     ]
-    arms = [] if motions is None else [*motion_entries(motions), ("arm of the start looked at", SCREEN.end(0))]
+    if not feasible:
+        entries = [entries[0], entries[1], entries[3]]  # nothing led anywhere
+    arm = "arm" if feasible else "arm of the least-violating motion"
+    arms = [] if motions is None else [*motion_entries(motions, arm), ("arm of the start looked at", SCREEN.end(0))]
     return entries + arms
 
 

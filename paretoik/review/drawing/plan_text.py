@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from paretoik.review.drawing.infeasible_text import broken_lines
 from paretoik.review.drawing.plan_panel import PlanPanel
 from paretoik.review.drawing.screen_text import screen_text
 from paretoik.review.drawing_options import DRAWING
@@ -17,22 +18,29 @@ from paretoik.task.limits import JOINT_UNITS
 def level_text(panel: PlanPanel, level: PlannedLevel) -> str:
     """Return what is to be known of a level."""
     scene, motions = panel.scene, level.motions
-    failed = int((~np.isfinite(level.ends)).sum())
-    lines = [
-        f"# Level {level.number}: {level.samples} samples",
-        f"{counted(len(level.starts), 'start')}, {counted(len(level.optima), 'distinct optimum', 'distinct optima')}"
-        + (f"; {failed} of the starts led to none." if failed else "."),
-    ]
+    lines = [f"# Level {level.number}: {level.samples} samples", _level_counts(level)]
     if beyond := panel.beyond(level):
         lines.append(f"{counted(beyond, 'start')} too far off for the picture: dashes at its edge.")
     if len(panel.levels) > 1:
         lines.append("Values of different levels are not comparable: a motion of other samples has another value.")
+    if level.least_violating is not None:
+        lines += ["", "What the least-violating one breaks:", "", *broken_lines(level.least_violating)]
+        return screen_text("\n".join(lines))
     lines += ["", "## Optima of the level", ""]
     for place, value in enumerate(level.optima[: DRAWING.optima]):
         hits = int((motions.optimum == place).sum())
         lines.append(f"- {place}: {_value(scene, value)}, from {counted(hits, 'start')}")
     lines += _further(len(level.optima))
     return screen_text("\n".join(lines))
+
+
+def _level_counts(level: PlannedLevel) -> str:
+    """Return what the starts of a level led to, by numbers."""
+    starts, failed = counted(len(level.starts), "start"), int((~np.isfinite(level.ends)).sum())
+    if level.least_violating is not None:
+        return f"{starts}; none led to a motion that keeps all limits. The arm shows the least-violating one."
+    words = f"{starts}, {counted(len(level.optima), 'distinct optimum', 'distinct optima')}"
+    return f"{words}; {failed} of the starts led to none." if failed else f"{words}."
 
 
 def start_text(scene: PlannedScene, level: PlannedLevel, row: int) -> str:

@@ -9,13 +9,13 @@ import numpy as np
 
 from paretoik.front.compromise import COMPROMISE_IN_WORDS
 from paretoik.front.front import Choice, Front
-from paretoik.review.drawing.broken_limits import broken_limits
+from paretoik.review.drawing.infeasible_text import broken_lines
 from paretoik.review.drawing.screen_text import screen_text, unbroken_units
 from paretoik.review.drawing.search_charts import front_size
 from paretoik.review.drawing.search_scene import SearchScene
-from paretoik.review.recording.recorder import Generation, LeastViolating
-from paretoik.review.recording.workcell import Workcell
-from paretoik.review.run_words import counted, run_text
+from paretoik.review.recording.recorder import Generation
+from paretoik.review.run_words import counted, named_unit, run_text, value_text
+from paretoik.search.maximin import dominates
 
 
 def choice_text(front: Front, choice: Choice, *, title: str = "chosen", whole: bool = True) -> str:
@@ -83,8 +83,8 @@ def text_of(
     """
     if scene.timeline == "step":
         return screen_text(_step_text(scene, generation))
-    outside_lines = outside_text(outside, len(generation.population), end)
-    words = "\n".join([_generation_text(scene, generation, moved), *outside_lines])
+    notes = [*outside_text(outside, len(generation.population), end), *_better_but_infeasible(scene, generation)]
+    words = "\n".join([_generation_text(scene, generation, moved), *notes])
     return screen_text(unbroken_units(words, scene.units))
 
 
@@ -93,6 +93,17 @@ def outside_text(outside: int, count: int, what: str) -> list[str]:
     verb = "lies" if outside == 1 else "lie"
     words = f"{outside} of {counted(count, 'individual')} {verb} outside the axes, which show what is near {what}."
     return ["", words] if outside else []
+
+
+def _better_but_infeasible(scene: SearchScene, generation: Generation) -> list[str]:
+    """Return how many individuals of a search dominate its front and are not on it: these are not feasible."""
+    if scene.timeline != "generation" or not len(generation.front):
+        return []
+    signs = np.where(scene.maximised, -1.0, 1.0)
+    better = dominates((generation.population * signs)[:, None], (generation.front * signs)[None]).any(axis=1)
+    count = int(better.sum())
+    verb = "looks better than the front and breaks" if count == 1 else "look better than the front and break"
+    return ["", f"{counted(count, 'individual')} {verb} a limit or a constraint."] if count else []
 
 
 def _generation_text(scene: SearchScene, generation: Generation, moved: int | None) -> str:
@@ -109,9 +120,9 @@ def _generation_text(scene: SearchScene, generation: Generation, moved: int | No
     if len(generation.front):
         best = scene.best(generation.front)
         lines += [
-            f"- **{_named_unit(scene.names[axis], scene.units[axis])}**: best {_value(best[axis], scene.units[axis])}"
-            + ("" if chosen is None else f", compromise {_value(chosen.objectives[axis], scene.units[axis])}")
-            for axis in range(len(scene.names))
+            f"- **{named_unit(name, unit)}**: best {value_text(best[axis], unit)}"
+            + ("" if chosen is None else f", compromise {value_text(chosen.objectives[axis], unit)}")
+            for axis, (name, unit) in enumerate(zip(scene.names, scene.units, strict=True))
         ]
     if chosen is not None:
         lines += ["", f"The compromise, {_named(scene, generation, chosen.id)}, is {COMPROMISE_IN_WORDS}."]
@@ -158,7 +169,7 @@ def _bounds(scene: SearchScene, generation: Generation) -> list[str]:
     if generation.epsilon is None:
         return []
     bounds = [
-        f"{scene.names[axis]} {'≥' if scene.maximised[axis] else '≤'} {_value(bound, scene.units[axis])}"
+        f"{scene.names[axis]} {'≥' if scene.maximised[axis] else '≤'} {value_text(bound, scene.units[axis])}"
         for axis, bound in enumerate(generation.epsilon)
         if np.isfinite(bound)
     ]
@@ -187,27 +198,8 @@ def _why_empty(generation: Generation) -> str:
     if generation.least_violating is None:
         return words
     return "\n".join(
-        [words, "", "What the least-violating one so far breaks:", "", *_broken(generation.least_violating)]
+        [words, "", "What the least-violating one so far breaks:", "", *broken_lines(generation.least_violating)]
     )
-
-
-def infeasible_text(scene: SearchScene, nearest: LeastViolating, cell: Workcell | None) -> str:
-    """Return why a search has no front, and what its least-violating individual breaks, limits of joints in units."""
-    lines = ["# No feasible point", "", nearest.reason, "", "## Constraints broken", "", *_broken(nearest)]
-    point = nearest.point
-    limits = [] if cell is None or point is None or point.motion is None else broken_limits(cell, point.motion)
-    lines += ["", "## Limits of joints broken", "", *limits] if limits else []
-    if point is not None and np.isfinite(point.objectives).all():
-        lines += ["", "## Its objectives", ""]
-        lines += [
-            f"- **{_named_unit(name, unit)}**: {_value(point.objectives[axis], unit)}"
-            for axis, (name, unit) in enumerate(zip(scene.names, scene.units, strict=True))
-        ]
-    return screen_text(unbroken_units("\n".join(lines), scene.units))
-
-
-def _broken(nearest: LeastViolating) -> list[str]:
-    return [f"- {words}" for words in nearest.broken]
 
 
 def _heading(scene: SearchScene, generation: Generation) -> str:
@@ -237,15 +229,10 @@ def _objectives(front: Front, row: int) -> str:
         low, high = front.ranges[axis]
         sense, unit = "more" if front.maximised[axis] else "less", front.units[axis]
         share = f"{front.shares[row, axis]:.0%} of the way from the best to the worst"
-        place = f"{low:.4g} to {_value(high, unit)}, {share}" if high > low else "the only value"
-        value = _value(front.objectives[row, axis], unit)
-        lines.append(f"- **{_named_unit(name, unit)}, {sense} is better**: {value}; on the front {place}")
+        place = f"{low:.4g} to {value_text(high, unit)}, {share}" if high > low else "the only value"
+        value = value_text(front.objectives[row, axis], unit)
+        lines.append(f"- **{named_unit(name, unit)}, {sense} is better**: {value}; on the front {place}")
     return "\n".join(lines)
-
-
-def _named_unit(name: str, unit: str) -> str:
-    """Return the name of an objective, with [1] where its values have no unit to be told with."""
-    return name if unit else f"{name} [1]"
 
 
 def _certificate(front: Front, row: int) -> str:
@@ -281,13 +268,9 @@ def range_text(low: float, high: float, unit: str) -> str:
     >>> range_text(1.0, 2.0, "m"), range_text(1.0, 1.0 + 1e-9, "m"), range_text(1.0, 1.0, "m")
     ('1 to 2 m', '1 m to 1e-09 m above that', '1 m alone')
     """
-    first, width = _value(low, unit, digits=6), _value(high - low, unit, digits=3)
+    first, width = value_text(low, unit, digits=6), value_text(high - low, unit, digits=3)
     if low == high:
         return f"{first} alone"
     if f"{low:.6g}" == f"{high:.6g}":
         return f"{first} to {width} above that"
-    return f"{low:.6g} to {_value(high, unit, digits=6)}"
-
-
-def _value(value: float, unit: str, *, digits: int = 4) -> str:
-    return f"{value:.{digits}g} {unit}".rstrip()
+    return f"{low:.6g} to {value_text(high, unit, digits=6)}"

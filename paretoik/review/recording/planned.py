@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from paretoik.arrays import Times
+from paretoik.review.recording.least_violating import LeastViolating
 from paretoik.review.recording.recorded_point import RecordedPoint
 from paretoik.review.recording.workcell import Workcell
 
@@ -33,7 +34,8 @@ class PlannedLevel:
     """A level of ``samples`` that is done, the ``number``-th from 0: the objective of its starts, and of its optima.
 
     Values are in the objective's own sign, of the optima best first; ``ends`` are those of what the starts led to, NaN
-    where that is no optimum.
+    where that is no optimum. Where no motion of the level keeps all limits, its optima are the least-violating ones,
+    and ``least_violating`` says what the first of them breaks.
     """
 
     number: int
@@ -42,6 +44,7 @@ class PlannedLevel:
     ends: Float[np.ndarray, " starts"]
     optima: Float[np.ndarray, " optima"]
     motions: PlannedMotions
+    least_violating: LeastViolating | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -69,7 +72,11 @@ class PlannedOptimum:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlanEnd:
-    """The optima of a plan, best first, and the ``provenance`` of its run."""
+    """The optima of a plan, best first, and the ``provenance`` of its run.
 
-    optima: Sequence[PlannedOptimum]
-    provenance: Mapping[str, Any]
+    Without an optimum, ``least_violating`` is the motion that comes nearest to keeping all limits.
+    """
+
+    optima: Sequence[PlannedOptimum] = ()
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+    least_violating: LeastViolating | None = None

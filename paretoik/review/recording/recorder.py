@@ -29,6 +29,7 @@ from jaxtyping import Float, Int
 from paretoik.arrays import Ids, Objectives, Values
 from paretoik.formulations.protocol import Timeline
 from paretoik.front.front import Choice, Front
+from paretoik.review.recording.least_violating import LeastViolating
 from paretoik.review.recording.recorded_point import RecordedPoint
 from paretoik.review.recording.recording_process import (
     OPTIONS,
@@ -42,19 +43,6 @@ from paretoik.review.recording.workcell import Workcell
 from paretoik.robot.arm import Arm
 
 Population: TypeAlias = Float[np.ndarray, "individuals n_obj"]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class LeastViolating:
-    """The individual that breaks the constraints of a problem least, where none keeps them all.
-
-    ``broken`` are those that it breaks, each by how much; at the end of a search there are the ``reason`` why it has no
-    front, and the individual as a ``point``.
-    """
-
-    broken: tuple[str, ...]
-    reason: str = ""
-    point: RecordedPoint | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -25,7 +25,7 @@ import cloudpickle
 import numpy as np
 
 import paretoik as pk
-from paretoik.execution.cluster import OPTIONS as CLUSTER
+from paretoik.execution.cluster_options import OPTIONS as CLUSTER
 from paretoik.execution.cluster import Cluster
 from paretoik.execution.shipping import pickled
 from studies.benchmarks.scaling.local_cluster import LocalCluster, local_cluster

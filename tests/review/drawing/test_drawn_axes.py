@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from paretoik.review.drawing.curve_charts import _spread_labels
-from paretoik.review.drawing.drawn_axes import Canvas, equal_window, nice_ticks, window
+from paretoik.review.drawing.drawn_axes import TEXT, Canvas, equal_window, nice_ticks, text_width, window
 
 
 @given(st.floats(-1e6, 1e6), st.floats(1e-6, 1e6), st.integers(2, 8))
@@ -70,3 +70,15 @@ def test_no_name_is_further_down_than_the_lowest_place(places):
     assert moved.max() <= 20.0 + 1e-9
     order = np.argsort(places, kind="stable")
     assert (np.diff(moved[order]) >= 2.0 - 1e-9).all()
+
+
+@given(st.floats(-1e4, 1e4), st.floats(-1e4, 1e4), st.floats(0.01, 1e3), st.floats(0.01, 1e3))
+def test_no_label_of_a_tick_covers_another(left, bottom, across, upwards):
+    low = np.array([left, bottom])
+    canvas = Canvas(low=low, high=low + np.array([across, upwards]), labels=("x", "y"), width=430.0, height=130.0)
+    words, middles = canvas._labels(*canvas._ticks())
+    halves = np.array([0.5 * text_width(word) + 0.5 * TEXT.padding for word in words])
+    for i in range(len(words)):
+        for k in range(i):
+            apart = np.abs(middles[i] - middles[k])
+            assert apart[0] >= halves[i] + halves[k] or apart[1] >= 0.8 * TEXT.line, (words[k], words[i])

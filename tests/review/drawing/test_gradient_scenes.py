@@ -7,9 +7,13 @@ import signal
 
 import numpy as np
 import pytest
+import rerun as rr
 
 import paretoik as pk
 from paretoik.front.compromise import compromise
+from paretoik.review.drawing.finished_plan import FinishedPlan
+from paretoik.review.recording.planned import PlannedLevel, PlannedMotions, PlannedScene
+from paretoik.review.recording.workcell import workcell_of
 from tests.review.children import children
 from tests.review.reading import (
     SECOND,
@@ -282,3 +286,26 @@ def test_a_refinement_shows_before_and_after_and_where_points_came_from(fronts):
     words = rows(entities["/text"], "refinement", "text")
     assert str(words[0][0]).startswith("# Before")
     assert "Certificate" in str(words[1][0])
+
+
+def test_the_curves_of_a_start_and_of_where_its_solver_stopped_stay_within_their_axes(tmp_path):
+    tracking = problem(pk.kinetic_energy)
+    q = tracking.decode(tracking.sample_starts(1, np.random.default_rng(0))).q
+    astray = q + 9.0 * np.linspace(0.0, 1.0, q.shape[1])[:, None]
+    motions = PlannedMotions(time=tracking.task.times, starts=q, ends=astray, optima=q, optimum=np.array([-1]))
+    level = PlannedLevel(
+        number=0, samples=51, starts=np.ones(1), ends=np.full(1, np.nan), optima=np.ones(1), motions=motions
+    )
+    cell = workcell_of(tracking)
+    scene = PlannedScene(name="kinetic_energy", unit="J s", maximised=False, workcell=cell)
+    stream = rr.RecordingStream("plan")
+    stream.save(tmp_path / "plan.rrd")
+    FinishedPlan(scene=scene, messages=(level,), end=None).log(stream)
+    stream.disconnect()
+    entities = read(tmp_path / "plan.rrd")
+    frame = np.array(static_values(entities["/joint_charts/position/grid"], "strips")[-1])
+    (curves,) = rows(entities["/joint_charts/position/curves"], "start", "strips").values()
+    for curve in curves:
+        heights = np.array([place[1] for place in curve])
+        assert heights.min() > frame[:, 1].min() + 1.0  # nothing lies on the frame, cut off there
+        assert heights.max() < frame[:, 1].max() - 1.0

@@ -114,3 +114,11 @@ def test_the_name_of_the_compromise_lies_on_no_dot_of_a_crowded_front(tmp_path, 
     assert not (np.abs(dots - place) < half).all(axis=1).any()
     (leader,) = rows(name, "generation", "strips")[1]
     np.testing.assert_allclose(leader[0], canvases[0].place(F[middle, :2]), rtol=1e-4)
+
+
+def test_individuals_that_dominate_the_front_are_said_to_break_a_limit():
+    words = text_of(scene(), generation([[2.0, 3.0]]))  # [1, 2] and [4, 5] do not dominate: more reach is better
+    assert "look" not in words
+    words = text_of(scene(), generation([[2.0, 2.0]]))
+    assert "2 individuals look better than the front and break a limit or a constraint." in words
+    assert "look" not in text_of(scene("level"), generation([[2.0, 2.0]]))

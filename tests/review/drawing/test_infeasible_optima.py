@@ -1,0 +1,64 @@
+"""The recordings of a plan and of an ε-front without a feasible motion say why, and show the one that breaks least."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import paretoik as pk
+from tests.api.problems import tracking
+from tests.review.reading import blank_views, last_text, missing_entities, read, rows
+
+VERBS = {
+    "plan": (lambda problem, **options: pk.plan(problem, **options), (pk.kinetic_energy,)),
+    "epsilon_front": (lambda problem, **options: pk.epsilon_front(problem, **options), ()),
+}
+
+
+@pytest.fixture(scope="module", params=VERBS)
+def narrow(request, tmp_path_factory):
+    """A problem whose velocity limit no motion keeps, the error of a verb, and its recording."""
+    verb, objectives = VERBS[request.param]
+    problem = tracking(*objectives, velocity=1.0)
+    folder = tmp_path_factory.mktemp(request.param) / "run"
+    with pytest.raises(pk.Infeasible) as refused:
+        verb(problem, starts=6, out=folder, observe=False)
+    return problem, refused.value, folder / "review.rrd"
+
+
+def levels(file):
+    return sorted(rows(read(file)["/text"], "level", "text"))
+
+
+def test_the_end_says_the_reason_and_every_limit_that_is_broken(narrow):
+    problem, error, file = narrow
+    words = last_text(read(file)["/text"], "level", levels(file)[-1])
+    assert str(error) in words
+    for name, violation in zip(problem.task.limit_names, problem.task.violations(error.motion), strict=True):
+        assert (f"- {name}: violated by {violation:.3g} of its range" in words) == (violation > 0)
+    speeds = np.abs(error.motion.dq).max(axis=0)
+    for joint, speed in zip(problem.task.arm.joint_names, speeds, strict=True):
+        assert (f"**{joint}, velocity**: reaches" in words) == (speed > 1.0 + 1e-6)
+    for objective in problem.task.objectives:
+        assert f"{objective.name}**: {float(objective(error.motion)):.4g} {objective.unit}" in words.replace(
+            "\N{NO-BREAK SPACE}", " "
+        )
+
+
+def test_every_level_says_what_its_least_violating_motion_breaks(narrow):
+    _, _, file = narrow
+    texts = rows(read(file)["/text"], "level", "text")
+    for number in sorted(texts)[:-1]:
+        assert "violated by" in str(texts[number][0])
+        assert "distinct opt" not in str(texts[number][0])
+
+
+def test_the_motion_that_breaks_least_is_drawn_with_its_curves_and_limits(narrow):
+    _, error, file = narrow
+    entities = read(file)
+    recorded = [row for _, row in sorted(rows(entities["/joints/velocity"], "motion", "scalars").items())]
+    np.testing.assert_allclose(np.array(recorded), error.motion.dq, rtol=1e-9, atol=1e-12)
+    instants = {"level": (levels(file)[-1],), "motion": (0,)}
+    wanted = ["/arm/chosen/path", "/joint_charts/velocity/limits"]
+    assert missing_entities(file, wanted, instants) == []
+    assert blank_views(file, instants) == []
