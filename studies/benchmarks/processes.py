@@ -35,7 +35,8 @@ def processes(cluster: str | None = None) -> Iterator[Executor]:
         with closing(WorkerProcesses(CORES)) as here:
             yield here
         return
-    from paretoik.execution.cluster import OPTIONS, Cluster  # here: it takes Dask
+    from paretoik.execution.cluster import Cluster  # here: it takes Dask
+    from paretoik.execution.cluster_options import OPTIONS
 
     with closing(Cluster(cluster, replace(OPTIONS, portion=0.0, overhead=0.0))) as there:  # a run a task
         yield there

@@ -25,8 +25,8 @@ import cloudpickle
 import numpy as np
 
 import paretoik as pk
-from paretoik.execution.cluster import OPTIONS as CLUSTER
 from paretoik.execution.cluster import Cluster
+from paretoik.execution.cluster_options import OPTIONS as CLUSTER
 from paretoik.execution.shipping import pickled
 from studies.benchmarks.scaling.local_cluster import LocalCluster, local_cluster
 from studies.benchmarks.scaling.model import Overheads, fit_waiting
