@@ -39,7 +39,8 @@ class PlanDisplay:
             self._levels.append(_planned_level(len(self._levels), level))
             self._session.record(self._levels[-1])
         if self._show is not None:
-            words = f"{len(level.starts)} starts, {len(level.optima)} distinct optima"
+            broken = level.describe_violation(self._problem.task) or f"{len(level.optima)} distinct optima"
+            words = f"{len(level.starts)} starts, {broken}"
             self._show(level.samples, len(self._problem.task.times), words)
 
     def review(self, plan: Plan) -> None:
