@@ -48,7 +48,7 @@ def cause_of(error: BaseException, where: str = "") -> str:
 
 
 def warn_of_odd_objectives(names: Sequence[str], values: Objectives, again: Objectives) -> None:
-    """Warn of objectives that are the same for all arguments, or not the same for the same ones.
+    """Warn of objectives that are the same for all arguments, or not the same for the same ones, and of duplicates.
 
     ``values`` are in the user's own sign, ``again`` those of the first arguments computed once more.
     """
@@ -64,5 +64,16 @@ def warn_of_odd_objectives(names: Sequence[str], values: Objectives, again: Obje
                 f"different values wanted, got {finite[0]:.6g} for each of the first {len(finite)}: it may be constant"
             )
         else:
-            continue
-        warnings.warn(f"objective {name}: {text}", RuntimeWarning, stacklevel=2)
+            text = _duplicate(names, values, names.index(name))
+        if text:
+            warnings.warn(f"objective {name}: {text}", RuntimeWarning, stacklevel=2)
+
+
+def _duplicate(names: Sequence[str], values: Objectives, column: int) -> str:
+    """Return which objective before one has its values, "" where none has."""
+    finite = np.isfinite(values).all(axis=1)
+    for before in range(column if finite.sum() > 1 else 0):
+        if np.allclose(values[finite, before], values[finite, column], rtol=OPTIONS.rounding, atol=0):
+            text = f"other values than those of {names[before]} wanted, got the same for each of the first"
+            return f"{text} {finite.sum()}: it may be a duplicate"
+    return ""

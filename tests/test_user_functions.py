@@ -1,10 +1,13 @@
 """Whatever a user's function raises is one line, but Ctrl-C and our own errors."""
 
+import warnings
+
+import numpy as np
 import pytest
 
 from paretoik.errors import EvaluationFailed, InvalidInput
 from paretoik.stop_flag import Interrupted
-from paretoik.user_functions import user_function
+from paretoik.user_functions import user_function, warn_of_odd_objectives
 
 
 class SpeechlessError(Exception):
@@ -48,3 +51,22 @@ def test_another_kind_of_failure_can_be_asked_for():
         user_function("select: Mine", InvalidInput),
     ):
         raise KeyError("wrist")
+
+
+@pytest.mark.parametrize("again", [1.0, 1.0 + 1e-9])
+def test_an_objective_with_the_values_of_another_is_said_to_be_a_duplicate_of_the_first(again):
+    F = np.random.default_rng(0).normal(size=(8, 3))
+    F[:, 2] = F[:, 0] * again
+    F[3] = np.nan  # failed
+    words = "^objective c: other values than those of a wanted, got the same for each of the first 7"
+    with pytest.warns(RuntimeWarning, match=words) as told:
+        warn_of_odd_objectives(["a", "b", "c"], F, F)
+    assert len(told) == 1
+
+
+def test_objectives_that_differ_at_one_argument_are_no_duplicates():
+    F = np.repeat(np.random.default_rng(0).normal(size=(8, 1)), 2, axis=1)
+    F[5, 1] += 1e-3
+    with warnings.catch_warnings(action="error"):
+        warn_of_odd_objectives(["a", "b"], F, F)
+        warn_of_odd_objectives(["a", "b"], F[:1], F[:1])  # one argument says nothing

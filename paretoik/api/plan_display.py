@@ -16,7 +16,6 @@ from paretoik.review.recording.recorded_point import RecordedPoint, record_motio
 from paretoik.review.recording.workcell import workcell_of
 from paretoik.run_files import DRAWING
 from paretoik.trajectory.level_progress import LevelProgress
-from paretoik.trajectory.levels import OPTIONS
 from paretoik.trajectory.plan import Plan
 from paretoik.trajectory.program import joint_distance
 
@@ -41,9 +40,8 @@ class PlanDisplay:
             self._levels.append(_planned_level(len(self._levels), level))
             self._session.record(self._levels[-1])
         if self._show is not None:
-            feasible = _least_violating(level) is None
-            found = f"{len(level.optima)} distinct optima" if feasible else "none within the limits"
-            words = f"{len(level.starts)} starts, {found}"
+            broken = level.describe_violation(self._problem.task) or f"{len(level.optima)} distinct optima"
+            words = f"{len(level.starts)} starts, {broken}"
             self._show(level.samples, len(self._problem.task.times), words)
 
     def infeasible_end(self, nearest: LeastViolating) -> PlanEnd:
@@ -87,10 +85,9 @@ def _planned_level(number: int, level: LevelProgress) -> PlannedLevel:
 
 def _least_violating(level: LevelProgress) -> LeastViolating | None:
     """Return what the best motion of a level breaks; None where it keeps all limits."""
-    motion = level.task.motion(level.optima[0])
-    if level.task.violations(motion).max(initial=0.0) <= OPTIONS.feasible:
+    if level.feasible:
         return None
-    return LeastViolating(broken=limit_words(level.task, motion))
+    return LeastViolating(broken=limit_words(level.task, level.task.motion(level.optima[0])))
 
 
 def _nearest_optima(level: LevelProgress) -> np.ndarray:

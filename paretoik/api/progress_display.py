@@ -9,7 +9,9 @@ from contextlib import contextmanager
 
 from paretoik.api.progress import Observer, RunProgress, show_compilation
 from paretoik.compilation_notices import observe_compilation, print_line
+from paretoik.errors import InvalidInput
 from paretoik.inputs import check_function
+from paretoik.user_functions import user_function
 
 
 @contextmanager
@@ -30,8 +32,26 @@ def open_observer(observe: Observer | bool | None, *, time_limit: float | None =
             yield None
         return
     check_function("observe", observe)
+    observe = _NamedObserver(observe)
     with show_compilation(observe):
         yield observe
+
+
+class _NamedObserver:
+    """An observer of a user's: what it raises is raised by name, as InvalidInput."""
+
+    def __init__(self, observe: Observer) -> None:
+        self._observe = observe
+
+    @property
+    def is_due(self) -> bool:
+        """Whether it would say something now."""
+        return bool(getattr(self._observe, "is_due", True))
+
+    def __call__(self, progress: RunProgress) -> object:
+        """Let it look on."""
+        with user_function("observe", InvalidInput):
+            return self._observe(progress)
 
 
 @contextmanager

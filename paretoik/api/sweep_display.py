@@ -39,10 +39,10 @@ class SweepDisplay:
         self._before = 0  # points that it began with
         self._show_optima = count_observer(session.observe, "optimum")
 
-    def show_optima(self, done: int, total: int) -> None:
+    def show_optima(self, done: int, total: int, summary: str = "") -> None:
         """Show the search for each objective's own optima; later ones, below an ε, are part of the sweep."""
         if self._show_optima is not None and self._started is None:
-            self._show_optima(done, total)
+            self._show_optima(done, total, summary)
 
     def show_step(self, progress: SweepProgress) -> None:
         """Show a step in the user's own sign."""

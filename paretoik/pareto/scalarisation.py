@@ -15,8 +15,8 @@ from paretoik.nlp.minimise import minimise
 from paretoik.nlp.program import Program, Solver
 from paretoik.nlp.solutions import Solutions, concatenate
 
-Observe: TypeAlias = Callable[[int, int], object]
-"""Called with what is done and with all there is to do."""
+Observe: TypeAlias = Callable[..., object]
+"""Called with what is done and with all there is to do; by a cold search of motions also with what they violate."""
 
 
 def objective_sizes(program: Program, x: Points, n_obj: int) -> Float[np.ndarray, " n_obj"]:

@@ -150,7 +150,14 @@ def refine_levels(
 
 
 def _progress(task: MotionTask, starts: np.ndarray, ends: Solutions, optima: Solutions) -> LevelProgress:
-    return LevelProgress(task=task, starts=starts, ends=ends.x, converged=ends.converged, optima=optima.x)
+    return LevelProgress(
+        task=task,
+        starts=starts,
+        ends=ends.x,
+        converged=ends.converged,
+        optima=optima.x,
+        feasible=bool((optima.violation <= OPTIONS.feasible).any()),
+    )
 
 
 def _solve_level(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -13,6 +12,7 @@ from paretoik.errors import Infeasible
 from paretoik.nlp.program import Program, Solver
 from paretoik.nlp.solutions import Solutions
 from paretoik.pareto.epsilon_options import OPTIONS as EPSILON
+from paretoik.pareto.scalarisation import Observe
 from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.level_progress import LevelProgress
 from paretoik.trajectory.levels import first_levels, level_programs, refine_levels
@@ -30,7 +30,7 @@ class MotionColdSearch:
     starts: int | None
     seed: int
     solver: Solver = "auto"
-    observe: Callable[[int, int], object] | None = None
+    observe: Observe | None = None
 
     @property
     def multimodal(self) -> bool:
@@ -60,7 +60,7 @@ class MotionColdSearch:
 
     def _show(self, level: LevelProgress) -> None:
         if self.observe is not None:
-            self.observe(level.samples, len(self.task.times))
+            self.observe(level.samples, len(self.task.times), level.describe_violation(self.task))
 
     @cached_property
     def _coarse_starts(self) -> tuple[int, Float[np.ndarray, "starts samples dof"]]:

@@ -53,14 +53,17 @@ def test_without_a_folder_the_error_has_the_front():
     ]
 
 
-def test_an_observer_that_raises_ends_the_search_by_its_own_error_and_keeps_the_front(tmp_path):
+def test_an_observer_that_raises_ends_the_search_by_name_and_keeps_the_front(tmp_path):
     def watch(progress):
         if progress.stage == "generation" and progress.done == 5:
             raise LookupError("no more")
 
-    with pytest.raises(LookupError, match="no more"):
+    with pytest.raises(InvalidInput, match="observe raised LookupError: no more") as failure:
         pk.solve(Parabolas(), **SIZES, out=tmp_path / "run", observe=watch)
-    assert pk.load_front(tmp_path / "run").provenance["counts"]["generations"] == 5
+    assert isinstance(failure.value.__cause__, LookupError)
+    kept = pk.load_front(tmp_path / "run")
+    assert kept.provenance["counts"]["generations"] == 5
+    assert failure.value.__notes__ == [f"the front found by then, of {len(kept)} points, is in {tmp_path / 'run'}"]
 
 
 def test_an_evaluation_that_calls_sys_exit_fails_and_the_search_goes_on():

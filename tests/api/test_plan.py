@@ -18,6 +18,18 @@ def test_levels_are_shown_coarse_to_fine_with_starts_and_optima():
     assert seen[-1].summary.endswith(f"{len(plan.optima)} distinct optima")
 
 
+@pytest.mark.parametrize("find", [pk.plan, pk.epsilon_front])
+def test_before_the_last_start_has_failed_it_is_shown_which_limit_fails(find):
+    seen = []
+    objectives = [pk.kinetic_energy] if find is pk.plan else [pk.kinetic_energy, pk.torque_norm]
+    with pytest.raises(pk.Infeasible) as failure:
+        find(tracking(*objectives, velocity=0.05), starts=4, seed=0, observe=seen.append)
+    shown = [progress.summary for progress in seen if progress.done]
+    assert failure.value.limit.startswith("velocity of ")
+    assert all("no motion within the limits so far; of the least-violating one, velocity of " in each for each in shown)
+    assert shown
+
+
 @pytest.mark.parametrize(
     ("settings", "words"),
     [

@@ -54,7 +54,8 @@ def test_by_default_a_terminal_gets_a_bar_and_nothing_else_is_drawn_on(monkeypat
     assert "compiling the planner" in capsys.readouterr().err
     mine = [].append
     with open_observer(mine) as observe:
-        assert observe is mine
+        observe(progress(5))
+    assert mine.__self__[-1].done == 5
 
 
 def test_by_default_without_a_terminal_a_line_comes_once_a_minute_has_passed(monkeypatch, capsys):

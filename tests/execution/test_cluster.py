@@ -12,7 +12,8 @@ import pytest
 
 from paretoik.distribution import Done, Lost, Raised
 from paretoik.errors import InvalidInput, SolverFailed
-from paretoik.execution.cluster import OPTIONS, Cluster
+from paretoik.execution.cluster import Cluster
+from paretoik.execution.cluster_options import OPTIONS
 from studies.benchmarks.scaling.local_cluster import local_cluster
 from tests.execution import work
 from tests.execution.test_worker_processes import check_that_a_signal_ends, is_alive, values, wait_until
