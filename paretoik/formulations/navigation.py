@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from jaxtyping import Float
@@ -23,10 +24,10 @@ from paretoik.front.joint_motions import StoredJoints, StoredMotions
 from paretoik.front.navigation import NavigationRequest
 from paretoik.front.prediction import Prediction
 from paretoik.front.provenance import NAVIGATIONS
-from paretoik.front.subset import largest_id
-from paretoik.nlp.program import Program
+from paretoik.front.subset import largest_id, take
+from paretoik.nlp.program import Goal, Program
 from paretoik.pareto.certificates import certify
-from paretoik.pareto.continuation import can_follow, guess_optimum
+from paretoik.pareto.continuation import Optimum, can_follow, guess_optimum
 from paretoik.pareto.continuation import predict as predict_optimum
 from paretoik.pareto.gap_filling import POINT_TOLERANCE
 from paretoik.pareto.goals import Aim, Wish
@@ -46,6 +47,7 @@ class FrontNavigationOptions:
 
 
 OPTIONS = FrontNavigationOptions()
+_STARTS: WeakKeyDictionary[Front, dict[tuple[int, bytes, bytes, bytes], Optimum | None]] = WeakKeyDictionary()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -89,7 +91,7 @@ def predict(problem: Any, front: Front, request: NavigationRequest) -> Predictio
     if not can_follow(program):
         raise InvalidInput("predict: wants optima that can be followed, got kinks, or functions that relate samples")
     aim = _aim(front, request, program)
-    optimum = guess_optimum(program, formulation.front_points(front)[request.row], aim.at_share(0.0))
+    optimum = _start(formulation, program, front, request.row, aim.at_share(0.0))
     x = None if optimum is None else predict_optimum(program, optimum, aim.at_share)
     if x is None:
         raise Infeasible(f"predict: wants {_wish(front, request)}, which derivatives there do not reach")
@@ -100,6 +102,15 @@ def predict(problem: Any, front: Front, request: NavigationRequest) -> Predictio
         units=front.units,
         motion=None if individual.motions is None else individual.motions[0],
     )
+
+
+def _start(formulation: Differentiable, program: Program, front: Front, row: int, goal: Goal) -> Optimum | None:
+    """Return a point of a front as the optimum of a goal; it is kept with the front, whose sliders ask again."""
+    known, key = _STARTS.setdefault(front, {}), (row, goal.weights.tobytes(), goal.rows.tobytes(), goal.upper.tobytes())
+    if key not in known:
+        (x,) = formulation.front_points(take(front, np.array([row])))
+        known[key] = guess_optimum(program, x, goal)
+    return known[key]
 
 
 def _wish(front: Front, request: NavigationRequest) -> str:

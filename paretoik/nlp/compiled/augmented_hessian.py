@@ -14,7 +14,7 @@ import numpy as np
 
 from paretoik.compilation import compiled
 from paretoik.nlp.compiled.array_loops import clear
-from paretoik.nlp.compiled.bordered_cholesky import factorise, solve
+from paretoik.nlp.compiled.bordered_cholesky import factorise, solve, solve_columns
 
 
 class AugmentationOptions(NamedTuple):
@@ -106,8 +106,11 @@ def _factorise(program, hessian, is_active, rho, delta, is_dense, scale):
 def _stiffen(program, hessian, is_active, rho, is_dense):
     """Add ρ aaᵀ of the active rows, the dense ones only where K is dense."""
     size, limits = len(program.A), len(program.entries)
+    matrix = hessian.full if is_dense else hessian.A
     for i in range(limits):
-        if is_active[i]:
+        if is_active[i] and matrix.shape[1] == len(hessian.full) and _has_all_columns(program.columns[i]):
+            _add_square(matrix, rho, program.entries[i])
+        elif is_active[i]:
             for a in range(program.columns.shape[1]):
                 for b in range(program.columns.shape[1]):
                     row, column = program.columns[i, a], program.columns[i, b]
@@ -119,6 +122,24 @@ def _stiffen(program, hessian, is_active, rho, is_dense):
             for i in range(len(hessian.full)):
                 for j in range(i + 1):
                     hessian.full[i, i - j] += rho * program.dense[e, i] * program.dense[e, j]
+
+
+@compiled
+def _has_all_columns(columns):
+    """Return whether the entries of a row are those of the first unknowns, in order."""
+    for k in range(len(columns)):
+        if columns[k] != k:
+            return False
+    return True
+
+
+@compiled(level=3)
+def _add_square(matrix, rho, row):
+    """Add ρ aaᵀ of a row whose entries are those of the first unknowns to the lower half of a K without a border."""
+    for i in range(len(row)):
+        factor = rho * row[i]
+        for d in range(i + 1):
+            matrix[i, d] += factor * row[i - d]
 
 
 @compiled
@@ -134,6 +155,15 @@ def _add_entry(hessian, is_dense, size, row, column, value):
         hessian.C[row - size, column - size] += value
         if row != column:
             hessian.C[column - size, row - size] += value
+
+
+@compiled
+def solve_augmented_columns(hessian, columns, count):
+    """Overwrite the first columns of a matrix as ``solve_augmented_hessian`` does each of them."""
+    if hessian.flags[IS_DENSE]:
+        solve_columns(hessian.full_factor, hessian.no_border, hessian.no_border, hessian.no_border, columns, count)
+    else:
+        solve_columns(hessian.L, hessian.B, hessian.X, hessian.S, columns, count)
 
 
 @compiled

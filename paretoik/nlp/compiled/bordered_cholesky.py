@@ -64,6 +64,56 @@ def solve(L, B, X, S, x):
         x[size + e] = corner[e]
 
 
+@compiled(level=3)  # which takes several columns at a time
+def solve_columns(L, B, X, S, columns, count):
+    """Overwrite the first columns of a matrix as ``solve`` does each of them, to the same bits."""
+    size, borders = L.shape[0], S.shape[0]
+    corner = np.empty((borders, count))
+    for e in range(borders):
+        for w in range(count):
+            corner[e, w] = columns[size + e, w]
+        for i in range(size):
+            _subtract(corner[e], X[e, i], columns[i], count)
+    for e in range(borders):
+        for b in range(e):
+            _subtract(corner[e], S[e, b], corner[b], count)
+    for e in range(borders - 1, -1, -1):
+        for b in range(e + 1, borders):
+            _subtract(corner[e], S[e, b], corner[b], count)
+        _divide(corner[e], S[e, e], count)
+    _substitute_columns(L, columns, count)
+    for e in range(borders):
+        for i in range(size):
+            _subtract(columns[i], X[e, i], corner[e], count)
+        for w in range(count):
+            columns[size + e, w] = corner[e, w]
+
+
+@compiled(level=3)
+def _substitute_columns(L, columns, count):
+    size, band = L.shape
+    for i in range(size):
+        for d in range(1, min(i, band - 1) + 1):
+            _subtract(columns[i], L[i, d], columns[i - d], count)
+        _divide(columns[i], L[i, 0], count)
+    for i in range(size - 1, -1, -1):
+        for d in range(1, min(size - 1 - i, band - 1) + 1):
+            _subtract(columns[i], L[i + d, d], columns[i + d], count)
+        _divide(columns[i], L[i, 0], count)
+
+
+@compiled(level=3)
+def _subtract(row, factor, other, count):
+    for w in range(count):
+        row[w] -= factor * other[w]
+
+
+@compiled(level=3)
+def _divide(row, divisor, count):
+    for w in range(count):
+        row[w] /= divisor
+
+
 @compiled
 def _cholesky(A, L):
     """Write L of A = L Lᵀ; return whether A is positive definite."""

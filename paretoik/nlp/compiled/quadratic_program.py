@@ -53,3 +53,33 @@ def write_row(program, i, vector):
     for j in range(len(vector)):
         vector[j] = 0.0
     add_row(program, i, 1.0, vector)
+
+
+@compiled
+def write_column(program, i, matrix, column):
+    """Write row i as a column of a matrix."""
+    limits = len(program.entries)
+    for j in range(len(matrix)):
+        matrix[j, column] = program.dense[i - limits, j] if i >= limits else 0.0
+    for k in range(program.columns.shape[1] if i < limits else 0):
+        matrix[program.columns[i, k], column] += program.entries[i, k]
+
+
+@compiled(level=3)
+def column_products(program, i, matrix, first, count, products):
+    """Write the products of row i and the columns of a matrix from ``first`` to before ``count``."""
+    limits = len(program.entries)
+    for w in range(first, count):
+        products[w] = 0.0
+    if i >= limits:
+        for j in range(len(matrix)):
+            _add_products(program.dense[i - limits, j], matrix[j], first, count, products)
+        return
+    for k in range(program.columns.shape[1]):
+        _add_products(program.entries[i, k], matrix[program.columns[i, k]], first, count, products)
+
+
+@compiled(level=3)
+def _add_products(factor, row, first, count, products):
+    for w in range(first, count):
+        products[w] += factor * row[w]

@@ -22,10 +22,11 @@ from paretoik.nlp.compiled.augmented_hessian import (
     AugmentedHessian,
     allocate_augmented_hessian,
     factorise_augmented_hessian,
+    solve_augmented_columns,
     solve_augmented_hessian,
 )
 from paretoik.nlp.compiled.dense_lu import factorise_lu, solve_lu
-from paretoik.nlp.compiled.quadratic_program import row_product, write_row
+from paretoik.nlp.compiled.quadratic_program import column_products, row_product, write_column, write_row
 
 
 class WorkingSetOptions(NamedTuple):
@@ -50,6 +51,7 @@ class WorkingSet(NamedTuple):
     exchanges: np.ndarray
     right: np.ndarray  # (capacity,)
     vector: np.ndarray  # (unknowns,)
+    columns: np.ndarray  # (unknowns, capacity)
     position: np.ndarray  # (constraints,): in the rows, −1 for none
     is_active: np.ndarray  # (constraints,)
     counts: np.ndarray  # rows, and changes since K was factorised
@@ -69,6 +71,7 @@ def allocate_working_set(n, band, border, constraints, updates):
         np.zeros(capacity, dtype=np.int64),
         np.zeros(capacity),
         np.zeros(n),
+        np.zeros((n, capacity)),
         np.zeros(constraints, dtype=np.int64),
         np.zeros(constraints, dtype=np.bool_),
         np.zeros(2, dtype=np.int64),
@@ -88,10 +91,28 @@ def factorise_working_set(program, work, scale):
     rho = factorise_augmented_hessian(program, work.hessian, work.is_active, scale)
     if rho < 0.0:
         return False
+    _append_active(program, work, rho)
+    return _factorise_schur(work)
+
+
+@compiled
+def _append_active(program, work, rho):
+    """Append all active rows to an empty Schur complement: as ``_append`` does each, many at a time."""
+    count = 0
     for i in range(len(work.is_active)):
         if work.is_active[i]:
-            _append(program, work, i, rho if work.hessian.flags[IS_DENSE] or i < len(program.entries) else 0.0)
-    return _factorise_schur(work)
+            is_stiff = work.hessian.flags[IS_DENSE] or i < len(program.entries)
+            work.rows[count], work.position[i], work.stiffness[count] = i, count, rho if is_stiff else 0.0
+            write_column(program, i, work.columns, count)
+            count += 1
+    work.counts[ROWS] = count
+    solve_augmented_columns(work.hessian, work.columns, count)
+    for w in range(count):
+        column_products(program, work.rows[w], work.columns, w, count, work.right)
+        for v in range(w, count):
+            work.schur[v, w] = work.schur[w, v] = work.right[v]
+        for j in range(len(work.columns)):
+            work.solved[w, j] = work.columns[j, w]
 
 
 @compiled

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from paretoik.nlp.compiled.bordered_cholesky import factorise, solve
+from paretoik.nlp.compiled.bordered_cholesky import factorise, solve, solve_columns
 
 dimensions = st.tuples(st.integers(1, 12), st.integers(1, 4), st.integers(0, 3), st.integers(0, 10_000))
 
@@ -60,3 +60,18 @@ def test_a_band_that_is_not_positive_definite_is_refused(dimensions):
     packed, A, B, C = system(dimensions, border=-1.0)
     packed[:, 0] -= 1.001 * np.linalg.eigvalsh(A)[0] + 1e-9
     assert not factorised(packed, B, C, len(C))[0]
+
+
+@settings(max_examples=25)
+@given(dimensions, st.integers(1, 9))
+def test_columns_are_solved_to_the_bits_of_each_alone(dimensions, count):
+    packed, _, B, C = system(dimensions, border=-1.0)
+    _, L, X, S = factorised(packed, B, C, len(C))
+    right = np.random.default_rng(2).normal(size=(len(packed) + len(C), count + 2))
+    columns = right.copy()
+    solve_columns(L, B, X, S, columns, count)
+    for number in range(count):
+        x = right[:, number].copy()
+        solve(L, B, X, S, x)
+        np.testing.assert_array_equal(columns[:, number], x)
+    np.testing.assert_array_equal(columns[:, count:], right[:, count:])
