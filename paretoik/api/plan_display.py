@@ -16,6 +16,7 @@ from paretoik.review.recording.recorded_point import RecordedPoint, record_motio
 from paretoik.review.recording.workcell import workcell_of
 from paretoik.run_files import DRAWING
 from paretoik.trajectory.level_progress import LevelProgress
+from paretoik.trajectory.levels import OPTIONS
 from paretoik.trajectory.plan import Plan
 from paretoik.trajectory.program import joint_distance
 
