@@ -127,10 +127,10 @@ def _stiffen(program, hessian, is_active, rho, is_dense):
 @compiled
 def _has_all_columns(columns):
     """Return whether the entries of a row are those of the first unknowns, in order."""
+    count = 0
     for k in range(len(columns)):
-        if columns[k] != k:
-            return False
-    return True
+        count += columns[k] == k
+    return count == len(columns)
 
 
 @compiled(level=3)
