@@ -33,7 +33,11 @@ def load_front(folder: str | Path, problem: Any = None) -> Front:
     """
     folder = file_path("folder", folder)
     check_problem_argument(problem)
-    front = Front.load(folder)
+    return with_problem(Front.load(folder), folder, problem)
+
+
+def with_problem(front: Front, folder: Path, problem: Any) -> Front:
+    """Return a front that was read from a folder with its problem, as ``load_front`` does, and raise what that does."""
     try:
         whole = problem_of_run(folder, front.provenance.get("problem"), problem)
         if whole is None:
@@ -50,4 +54,4 @@ def load_front(folder: str | Path, problem: Any = None) -> Front:
         motions = restore_motions(whole, front)
     except InvalidRun as fault:
         raise InvalidRun(f"{folder / MOTIONS}: {fault}") from None
-    return attach(replace(front, motions=motions, problem=whole), front.folder)
+    return attach(replace(front, motions=motions, problem=whole), folder)

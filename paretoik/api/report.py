@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from paretoik.api.load_front import load_front
+from paretoik.api.infeasible_run import InfeasibleRun, is_infeasible, read_infeasible
+from paretoik.api.load_front import load_front, with_problem
 from paretoik.api.result_text import gap_text
 from paretoik.api.run_problem import check_problem_argument
 from paretoik.api.run_text import status_text
@@ -17,10 +18,12 @@ from paretoik.front.certificate_text import certificate_text
 from paretoik.front.front import Front
 from paretoik.front.joint_motions import StoredMotions
 from paretoik.front.reason import list_words
+from paretoik.front.subset import attach
 from paretoik.inputs import check_flag, file_path, shown
 from paretoik.review.limits_between import describe_limits_between
 from paretoik.review.report.report import Report, Steps
-from paretoik.run_files import PAGE_MARK, REPORT, STEPS, check_target, read_plain_file
+from paretoik.run_files import PAGE_MARK, REPORT, RUN, STEPS, check_target, is_run, read_plain_file, read_run
+from paretoik.shell_command import shell_command
 from paretoik.stored_arrays import read_table
 
 STEP_PARTS = ("chosen", "best", "worst")  # columns of a closed loop's table of steps
@@ -30,6 +33,8 @@ def report(
     front: Front | Path | str, file: Path | str | None = None, *, overwrite: bool = False, problem: Any = None
 ) -> Path:
     """Write a report of ``front``, or of the run in a folder, into ``file``, and return where it is.
+
+    Of a run without a feasible motion it says why, and shows the least-violating one with what it breaks.
 
     One HTML page of at most 5 MB that loads nothing: the front with ids, every point's motion as far as there is room,
     certificates, exchange rates, choices, settings and versions, of a closed loop its steps. Where no file is named it
@@ -41,8 +46,12 @@ def report(
     cannot be written; InvalidRun for a folder that holds no run, or a damaged one.
     """
     check_problem_argument(problem)
+    infeasible: InfeasibleRun | None = None
     if not isinstance(front, Front):
-        front = load_front(file_path("front", front), problem)
+        folder = file_path("front", front)
+        _check_has_page(folder)
+        infeasible = read_infeasible(folder) if is_infeasible(folder) else None
+        front = load_front(folder, problem) if infeasible is None else _nearest(infeasible, folder, problem)
     elif problem is not None:
         raise InvalidInput(f"problem: wanted of a folder's run alone, got {shown(problem)} beside a front")
     if file is not None:
@@ -53,9 +62,31 @@ def report(
         raise InvalidInput("report: wanted a file to write into, got none, and a front that has no folder")
     check_flag("overwrite", overwrite)
     check_target("report", place, overwrite=overwrite, mark=PAGE_MARK)
-    steps = _steps(front, front.folder)
-    Report(front=front, title=_title(front), choices=front.choices, notes=_notes(front), steps=steps).write(place)
+    if infeasible is None:
+        steps = _steps(front, front.folder)
+        page = Report(front=front, title=_title(front), choices=front.choices, notes=_notes(front), steps=steps)
+    else:
+        page = Report(front=front, title="No feasible motion", notes=_broken(infeasible), nearest=True)
+    page.write(place)
     return place
+
+
+def _check_has_page(folder: Path) -> None:
+    """Raise InvalidRun, with the command that shows it, for a run that holds something else than a front."""
+    holds = read_run(folder / RUN).get("holds") if is_run(folder / RUN) else None
+    if holds is not None:
+        command = shell_command("paretoik", "show", folder)
+        raise InvalidRun(f"{folder}: wanted a run with a front, got one that holds {holds}; {command} shows it")
+
+
+def _nearest(run: InfeasibleRun, folder: Path, problem: Any) -> Front:
+    """Return what comes nearest to being feasible in a run that found nothing, with its problem where it is at hand."""
+    return attach(with_problem(run.nearest, folder, problem), folder)
+
+
+def _broken(run: InfeasibleRun) -> list[str]:
+    """Return why a run found nothing feasible, and what the motion that comes nearest breaks."""
+    return [run.reason, *(f"Of the least-violating one, {words}." for words in run.broken)]
 
 
 def _title(front: Front) -> str:

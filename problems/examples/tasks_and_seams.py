@@ -24,6 +24,9 @@ turns = 0.5 * np.pi * (1.0 - np.cos(np.pi * times / 2.0))  # from 0 to half a tu
 places = np.stack([0.45 + 0.12 * np.sin(turns), -0.12 * np.cos(turns), np.full(21, 0.3)], axis=1)  # m
 seam = pk.poses(times, [pk.Pose.from_rpy(p, (np.pi, 0.0, yaw)) for p, yaw in zip(places, turns, strict=True)])
 
+hand_down = pk.Task(seam, axes="xyz+z-axis")  # the hand points down and turns as it likes
+print(f"hand down: {pk.Tracking(panda, hand_down, objectives=[pk.joint_travel]).task.redundancy} redundant")
+
 best = {}
 for axes in ("pose", "xyz+z-axis"):
     problem = pk.Tracking(panda, pk.Task(seam, axes=axes), objectives=[pk.joint_travel])

@@ -11,10 +11,11 @@ import paretoik as pk
 from paretoik.api.solve import solve
 from paretoik.errors import InvalidInput, InvalidRun
 from paretoik.execution.run_folder import claim_folder
-from paretoik.run_files import REPORT
+from paretoik.run_files import REPORT, write_run
 from problems import marcos_2012
+from tests.api.problems import QUICK, tracking
 from tests.closed_loop.postures import posture
-from tests.review.page_reading import Page
+from tests.review.page_reading import Page, unpacked
 
 
 def read(file) -> Page:
@@ -43,6 +44,29 @@ def test_without_its_problem_a_run_shows_positions_and_says_how_to_see_more(run,
     page = read(file)
     assert len(page.data["motions"]["quantities"]) == 5
     assert page.data["motions"]["arm"]["planar"]
+
+
+@pytest.mark.parametrize("verb", ["solve", "plan"])
+def test_a_run_without_a_feasible_motion_says_why_and_shows_the_least_violating_one(verb, tmp_path):
+    narrow = tracking(*([pk.kinetic_energy] if verb == "plan" else []), velocity=1.0)
+    settings = {"starts": 6} if verb == "plan" else QUICK
+    with pytest.raises(pk.Infeasible) as refused:
+        getattr(pk, verb)(narrow, **settings, out=tmp_path / "run", observe=False)
+    page = read(pk.report(tmp_path / "run", problem=narrow))
+    assert page.texts("h1") == ["No feasible motion"]
+    assert str(refused.value) in page.texts("p")
+    assert any(text.startswith("Of the least-violating one, velocity of joint") for text in page.texts("p"))
+    assert page.data["marks"] == {"0": "least-violating, not feasible"}
+    assert "velocity" in page.data["motions"]["limits"]
+    channels = unpacked(page.data["motions"], page.data["blocks"]["0"])
+    np.testing.assert_allclose(channels[1:4], refused.value.motion.q.T, atol=1e-4)
+    assert {"fingerprint", "settings.seed", "versions.numpy", "status"} <= set(page.texts("th"))
+
+
+def test_a_run_without_a_front_says_which_command_shows_it(tmp_path):
+    write_run(tmp_path, {"verb": "plan", "holds": "the optima of a plan, which load_plan opens"})
+    with pytest.raises(InvalidRun, match=f"the optima of a plan.*paretoik show {tmp_path} shows it"):
+        pk.report(tmp_path)
 
 
 def test_a_closed_loop_shows_its_steps(tmp_path):

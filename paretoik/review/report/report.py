@@ -43,13 +43,17 @@ class Steps:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Report:
-    """What a page is made of: a front, choices kept in its run, sentences about it, steps of a closed loop."""
+    """What a page is made of: a front, choices kept in its run, sentences about it, steps of a closed loop.
+
+    ``nearest`` says that the only point of the front is none: it comes nearest to being feasible where nothing is.
+    """
 
     front: Front
     title: str
     choices: Choices = field(default_factory=Choices)
     notes: Sequence[str] = ()
     steps: Steps | None = None
+    nearest: bool = False
     options: ReportOptions = field(default_factory=ReportOptions)
 
     def write(self, file: Path) -> None:
@@ -75,6 +79,8 @@ class Report:
     def marks(self) -> dict[int, str]:
         """Return the rows that are marked, and as what: chosen, best of an objective, compromise."""
         front = self.front
+        if self.nearest:
+            return dict.fromkeys(range(len(front)), "least-violating, not feasible")
         marks: dict[int, list[str]] = {}
         rows = {number: row for row, number in enumerate(front.ids.tolist())}
         chosen = self.choices.chosen
