@@ -47,7 +47,10 @@ def check_point_to_point(run: RunContents, problem: Any, model: ArmModel) -> Ite
         yield _position_limits(model, q, point)
         value, duration = float(run.values[row, names.index("duration")]), float(time[-1] - time[0])
         detail = f"the table says {value:.10g} s, the motion takes {duration:.10g} s"
-        yield judge("objective duration", abs(value / duration - 1.0), OPTIONS.values, detail, point=point)
+        steps = np.diff(time)
+        moving = float(steps[steps > OPTIONS.rest * (1.0 + 1e-6)].sum())
+        off = max(value / duration - 1.0, moving / value - 1.0, 0.0)
+        yield judge("objective duration", off, OPTIONS.values, detail, point=point)
         yield from _check_motors(problem, model, time, q, point)
         yield from _check_work(run, problem, model, row, q)
 

@@ -30,6 +30,7 @@ class VerificationOptions:
     bisections: int = 14  # of an interval in which a collision cannot be excluded
     sections: int = 60  # golden sections of a link: below the rounding of its length
     reach: float = 1 / 40  # of an interval: the step of differences between samples
+    rest: float = 1e-6  # s: what an interval in which nothing moves is stored as; it counts for nothing in a duration
     maxima: float = 1e-6  # share of a speed by which it may exceed a linear program's
     end_accelerations: int = 3  # that the acceleration at a free end is continued from, at most
     newton_steps: int = 30  # of a projection onto the path

@@ -78,6 +78,10 @@ def search(problem: Any, out: Path) -> None:
     pk.solve(problem, **SMALL, out=out)
 
 
+def search_on_islands(problem: Any, out: Path) -> None:
+    pk.solve(problem, **SMALL, islands=2, out=out)
+
+
 def search_and_refine(problem: Any, out: Path) -> None:
     pk.solve(problem, **SMALL, refine=True, out=out)
 
@@ -117,7 +121,10 @@ KINDS: dict[str, tuple[Callable[[], Any], Callable[[Any, Path], None]]] = {
     "backward": (backward, search),
     "obstacles": (obstructed, search),
     "spatial": (spatial, search),
+    "islands": (tracking, search_on_islands),
     "refined search": (tracking, search_and_refine),
+    "refined search of directions": (kim_2021.directions_jam, search_and_refine),
+    "refined search from point to point": (kim_2021.point_to_point_jam, search_and_refine),
     "refinement": (tracking, refine),
     "navigation": (tracking, navigate),
     "tuning": (tuned, search),
