@@ -72,6 +72,9 @@ class Executor(Protocol):
         Raises Interrupted soon after a signal, SolverFailed where there is nobody left to compute.
         """
 
+    def description(self) -> dict[str, Any]:
+        """Return who computes, ``by``, and how many or which have computed until now, as strict JSON."""
+
 
 @dataclass(kw_only=True, eq=False)
 class _Account:
@@ -90,12 +93,12 @@ _IN_WORKER = [False]
 
 
 @contextmanager
-def distributing(executor: Executor | None) -> Iterator[None]:
+def distributing(active: Executor | None) -> Iterator[None]:
     """Let an executor compute what the body distributes; None, or within another one's body, changes nothing."""
-    if executor is None or _ACTIVE:
+    if active is None or _ACTIVE:
         yield
         return
-    _ACTIVE.append(_Account(executor=executor))
+    _ACTIVE.append(_Account(executor=active))
     try:
         yield
     finally:
@@ -105,6 +108,11 @@ def distributing(executor: Executor | None) -> Iterator[None]:
 def workers() -> int:
     """Return the number of items that workers compute at a time, 0 where there are none."""
     return _ACTIVE[0].executor.workers if _ACTIVE else 0
+
+
+def executor() -> Executor | None:
+    """Return whoever computes what is distributed, None where this process does."""
+    return _ACTIVE[0].executor if _ACTIVE else None
 
 
 def threads() -> int:

@@ -166,5 +166,5 @@ def _sweep(problem: Any, formulation: Differentiable, initial: Points | None, se
     )
     display.finish(front)
     counts = {"points": len(front), "levels": display.levels, "seconds": round(session.seconds, 3)}
-    status = {"status": session.stopped_by or "epsilon", "counts": counts}
-    return replace(front, provenance={**front.provenance, **status})
+    ending = {"status": session.stopped_by or "epsilon", "counts": counts, "computed": session.provenance["computed"]}
+    return replace(front, provenance={**front.provenance, **ending})

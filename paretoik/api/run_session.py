@@ -14,6 +14,7 @@ from paretoik.api.infeasible_run import InfeasibleFiles
 from paretoik.api.progress import Observer, RunProgress
 from paretoik.api.verb_session import VerbSession, verb_session
 from paretoik.errors import InvalidInput
+from paretoik.execution.computation import computed
 from paretoik.execution.executor import open_executor
 from paretoik.execution.machine import versions
 from paretoik.execution.reserved_space import ReservedSpace
@@ -27,7 +28,7 @@ from paretoik.inputs import check_flag, check_text, file_path
 from paretoik.journal import journalled
 from paretoik.review.recording.recorder import Recorder, Scene, SearchedFront
 from paretoik.review.recording.workcell import Workcell
-from paretoik.run_files import CHECKPOINT, JOURNAL, RECORDING, STOPPED, has_result, write_run
+from paretoik.run_files import CHECKPOINT, JOURNAL, RECORDING, RUN, STOPPED, has_result, read_run, write_run
 from paretoik.stop_flag import STOP
 from paretoik.user_functions import cause_of
 
@@ -41,9 +42,13 @@ class StoppedRun(PosixPath):
 
 @dataclass(kw_only=True, eq=False)
 class RunSession(VerbSession):
-    """A run under way: its provenance, its folder, its recorder and observer, and the signals that may end it."""
+    """A run under way: its provenance, its folder, its recorder and observer, and the signals that may end it.
 
-    provenance: Mapping[str, Any]
+    ``entries`` are what is known of it from the beginning, ``former`` is who computed before it was stopped.
+    """
+
+    entries: Mapping[str, Any]
+    former: object
     folder: Path | None
     title: str
     live: bool = False
@@ -52,6 +57,11 @@ class RunSession(VerbSession):
     room: ReservedSpace | None = None  # on the disk, for the result
     infeasible: InfeasibleFiles | None = None  # what comes nearest, where nothing is feasible
     finished: bool = False
+
+    @property
+    def provenance(self) -> dict[str, Any]:
+        """What is known of the run, with who has computed until now."""
+        return {**self.entries, "computed": computed(self.former)}
 
     def start(
         self,
@@ -225,7 +235,7 @@ def run_session(
     check_flag("live", live)
     if live and out is None:
         raise InvalidInput("live: a folder wanted that keeps the recording (out=), got none")
-    provenance = {
+    entries = {
         "verb": verb,
         "problem": subject.reference,
         "fingerprint": subject.fingerprint,
@@ -235,8 +245,11 @@ def run_session(
     with ExitStack() as stack:
         opened = stack.enter_context(verb_session(observe, time_limit=time_limit, catch_signals=catch_signals))
         folder = stack.enter_context(_folder(out, overwrite=overwrite))
+        stack.enter_context(open_executor(workers, cluster, isolated=isolated))
+        stored = read_run(folder / RUN) if folder is not None and isinstance(out, StoppedRun) else {}
         session = RunSession(
-            provenance=provenance,
+            entries=entries,
+            former=stored.get("computed"),
             folder=folder,
             interruption=opened.interruption,
             observe=opened.observe,
@@ -246,12 +259,13 @@ def run_session(
         if folder is not None and resumable:
             session.room = ReservedSpace(folder / RESERVE)
         if folder is not None and not has_result(folder):
-            write_run(folder, {**provenance, "status": "running"})
+            write_run(folder, {**session.provenance, "status": "running"})
+        elif folder is not None and stored:  # should this process be killed: what it computes stays in the journal
+            write_run(folder, {**stored, "computed": session.provenance["computed"]})
         if folder is not None and resumable:
             if source is not None and not isinstance(out, StoppedRun):
                 _save_source(source, folder)  # before there is a journal: what has one can go on
             stack.enter_context(journalled(folder / CHECKPOINT / JOURNAL))
-        stack.enter_context(open_executor(workers, cluster, isolated=isolated))
         try:
             yield session
         except (Exception, KeyboardInterrupt) as error:  # Interrupted among them

@@ -119,7 +119,8 @@ class FrontSearch:
             )
         status = session.stopped_by or status
         counts = {**front.provenance["counts"], "seconds": round(session.seconds, 3)}
-        return replace(front, provenance={**front.provenance, "status": status, "counts": counts})
+        ending = {"status": status, "counts": counts, "computed": session.provenance["computed"]}
+        return replace(front, provenance={**front.provenance, **ending})
 
     def review(self, front: Front, session: RunSession) -> None:
         """Finish the recording and draw the front."""

@@ -18,7 +18,7 @@ from typing import Any
 from paretoik.distribution import Function, Lost, Reply
 from paretoik.errors import InvalidInput
 from paretoik.execution.cluster_options import OPTIONS, ClusterOptions
-from paretoik.execution.cluster_task import Computed, Refused, Task, itself, run_task
+from paretoik.execution.cluster_task import Computed, Origin, Refused, Task, itself, run_task
 from paretoik.execution.cluster_watch import ClusterWatch
 from paretoik.execution.machine import processor, software
 from paretoik.execution.shipping import pickled
@@ -49,12 +49,27 @@ class Cluster:
         self.threads = sum(self.client.nthreads().values())
         # As it is, as bytes, and where it is with the scheduler.
         self._shared: tuple[Any, bytes, Any] = None, b"", None
+        self.origins: set[Origin] = set()  # of what has come
         self._warnings: set[str] = set()
 
     @property
     def workers(self) -> int:
         """Number of items that are computed at a time: at least two, as workers may come yet."""
         return max(self.threads, 2)
+
+    def description(self) -> dict[str, Any]:
+        """Return who has computed, as an entry of `run.json`: machines and workers by make of processor."""
+        makes = sorted({origin.processor for origin in self.origins})
+        groups = [[origin for origin in self.origins if origin.processor == make] for make in makes]
+        machines = [
+            {
+                "processor": " ".join(group[0].processor),
+                "machines": len({origin.machine for origin in group}),
+                "workers": len(group),
+            }
+            for group in groups
+        ]
+        return {"by": "Dask cluster", "machines": machines}
 
     def close(self) -> None:
         """Leave the scheduler."""
@@ -213,5 +228,6 @@ class _Round:
             self.suspects.extend(places)
 
     def _check(self, result: Computed) -> None:
-        if result.processor != processor():
-            self.cluster.tell("workers have another make of processor: the run is reproducible to rounding alone")
+        self.cluster.origins.add(result.origin)
+        if result.origin.processor != processor():
+            self.cluster.tell("workers have another make of processor: the run is reproducible to tolerance alone")

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import ctypes
+import os
+import platform
 import threading
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -42,12 +44,24 @@ MEMORY = MemoryOptions()
 TRIM_THRESHOLD = -1  # M_TRIM_THRESHOLD in glibc's malloc.h
 
 
+class Origin(NamedTuple):
+    """A machine by its name, a process on it, and the make of its processor."""
+
+    machine: str
+    process: int
+    processor: tuple[str, ...]
+
+
+def _here() -> Origin:
+    return Origin(platform.node(), os.getpid(), processor())
+
+
 @dataclass(frozen=True, kw_only=True)
 class Computed:
-    """The replies to items by place, and the make of the processor that they come from."""
+    """The replies to items by place, and where they come from."""
 
     replies: Sequence[tuple[int, Reply]]
-    processor: tuple[str, ...]
+    origin: Origin
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,12 +99,12 @@ def run_task(shared: bytes, task: Task) -> Computed | Refused:
     function, items = cloudpickle.loads(task.function), cloudpickle.loads(task.items)
     if task.seconds is None:
         replies = [(place, compute(function, _LOCAL.shared, item)) for place, item in items]
-        return Computed(replies=replies, processor=processor())
+        return Computed(replies=replies, origin=_here())
     if _LOCAL.process is None:
         _LOCAL.process = WorkerProcesses(1)
     places = [place for place, _ in items]
     answers = _LOCAL.process.replies(function, _LOCAL.shared, [item for _, item in items], seconds=task.seconds)
-    return Computed(replies=[(places[i], reply) for i, reply in answers], processor=processor())
+    return Computed(replies=[(places[i], reply) for i, reply in answers], origin=_here())
 
 
 @cache

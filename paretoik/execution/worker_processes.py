@@ -99,6 +99,10 @@ class WorkerProcesses:
         while self._processes:
             self._processes.pop().end()
 
+    def description(self) -> dict[str, Any]:
+        """Return who computes, as an entry of `run.json`."""
+        return {"by": "worker processes", "workers": self.workers}
+
     def replies(
         self, function: Function, shared: Any, items: Sequence[Any], *, seconds: float | None = None
     ) -> Iterator[tuple[int, Reply]]:

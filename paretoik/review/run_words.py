@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from paretoik.execution.computation import computed_text
+
 SETTINGS = {  # those that are told, by name, in words
     "population": "population",
     "generations": "generations",
@@ -54,6 +56,7 @@ def run_text(provenance: Mapping[str, Any]) -> str:
     took = [counted(counts[name], *words) for name, words in COUNTS.items() if isinstance(counts.get(name), int)]
     took += [f"{counts['seconds']:.4g} s"] if "seconds" in counts else []
     heads = [f"- problem: {provenance['problem']}"] if provenance.get("problem") else []
+    heads += [f"- computed by {words}"] if (words := computed_text(provenance.get("computed"))) else []
     heads += [f"- ended: {ENDINGS.get(str(status), status)}"] if status else []
     results = [f"- {counted(counts[name], 'point')} {name}" for name in ("converged", "improved") if name in counts]
     lines = heads + _settings(provenance) + ([f"- took {', '.join(took)}"] if took else []) + results

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from typing import Any, TypeAlias
 
 import numpy as np
 
+from paretoik.execution.computation import computed_text
 from paretoik.verification.arm_model import ArmModel, build_model, import_pinocchio
 from paretoik.verification.between_checks import check_between
 from paretoik.verification.capability_checks import check_point_to_point, check_polygon, check_standing
@@ -14,7 +16,7 @@ from paretoik.verification.certificate_checks import check_certificate
 from paretoik.verification.loop_checks import check_loop
 from paretoik.verification.measured_motion import measure
 from paretoik.verification.motion_checks import check_joints, check_limits, check_objectives, check_path, check_samples
-from paretoik.verification.report import Check, Verification, demand, leave_out
+from paretoik.verification.report import Check, Verification, demand, leave_out, note
 from paretoik.verification.resolution_checks import check_resolution
 from paretoik.verification.run_contents import RunContents
 from paretoik.verification.table_checks import check_tables
@@ -31,6 +33,8 @@ def verify_run(
     """
     import_pinocchio()
     rows = [*run.checks]
+    if words := computed_text(run.entries.get("computed")):
+        rows.append(note("computed by", math.nan, words))
     if same is not None:
         rows.append(demand("problem", same, "its fingerprint is not that of the problem that the run solved"))
     holds = str(run.entries.get("holds", ""))

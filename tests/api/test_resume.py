@@ -58,7 +58,7 @@ def check_same(resumed: pk.Front | pk.Plan, whole: pk.Front | pk.Plan) -> None:
         for one, other in zip(resumed.optima, whole.optima, strict=True):
             assert (one.objective, one.label, one.status) == (other.objective, other.label, other.status)
             assert np.array_equal(one.motion.q, other.motion.q)
-    differ = {"counts", "refined", "parent"}
+    differ = {"counts", "refined", "parent", "computed"}
     former, now = (
         {key: value for key, value in each.provenance.items() if key not in differ} for each in (whole, resumed)
     )

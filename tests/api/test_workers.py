@@ -20,6 +20,7 @@ from paretoik.distribution import DistributionOptions, distributing
 from paretoik.errors import InvalidInput
 from paretoik.execution.cluster import Cluster
 from paretoik.execution.executor import open_executor
+from paretoik.execution.machine import processor
 from paretoik.execution.worker_processes import WorkerProcesses
 from paretoik.run_files import CHECKPOINT, JOURNAL, RUN
 from studies.benchmarks.scaling.local_cluster import local_cluster
@@ -53,7 +54,18 @@ def executor():
 def test_workers_come_to_the_same_bit_for_bit(verb, executor, tmp_path):
     alone = run(verb, tmp_path / "alone")
     with distributing(executor):
-        check_same(run(verb, tmp_path / "workers"), alone)
+        apart = run(verb, tmp_path / "workers")
+    check_same(apart, alone)
+    assert told(tmp_path / "alone") == ["this process"]
+    assert told(tmp_path / "workers") == ["worker processes"]
+    assert apart.provenance["computed"]["by"][0]["workers"] == 2
+
+
+def told(folder: Path) -> list[str]:
+    """Return who computed a run, each of which comes to the same bits on this machine."""
+    computed = json.loads((folder / RUN).read_text())["computed"]
+    assert computed["reproducible"] == "bit for bit"
+    return [each["by"] for each in computed["by"]]
 
 
 @pytest.fixture(scope="module")
@@ -71,7 +83,12 @@ def cluster(tmp_path_factory):
 def test_a_cluster_comes_to_the_same_bit_for_bit(verb, cluster, tmp_path):
     alone = run(verb, tmp_path / "alone")
     with open_executor(None, cluster.address):
-        check_same(run(verb, tmp_path / "cluster"), alone)
+        apart = run(verb, tmp_path / "cluster")
+    check_same(apart, alone)
+    assert told(tmp_path / "cluster") == ["Dask cluster"]
+    (make,) = apart.provenance["computed"]["by"][0]["machines"]
+    assert (make["processor"], make["machines"]) == (" ".join(processor()), 1)
+    assert make["workers"] in (1, 2)
 
 
 @pytest.mark.filterwarnings("ignore:(workers. they do not pay|cluster. no worker at)")
@@ -112,6 +129,7 @@ def test_a_killed_run_goes_on_with_another_number_of_workers(verb, executor, tmp
     killed(verb, tmp_path / "killed", ENTRIES[verb])
     with distributing(executor):
         check_same(pk.resume(tmp_path / "killed", PROBLEMS[verb]()), whole)
+    assert told(tmp_path / "killed") == ["this process", "worker processes"]
 
 
 def test_what_workers_have_evaluated_of_a_generation_is_there_for_a_run_that_goes_on_alone(tmp_path):

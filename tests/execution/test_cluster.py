@@ -14,6 +14,7 @@ from paretoik.distribution import Done, Lost, Raised
 from paretoik.errors import InvalidInput, SolverFailed
 from paretoik.execution.cluster import Cluster
 from paretoik.execution.cluster_options import OPTIONS
+from paretoik.execution.machine import processor
 from studies.benchmarks.scaling.local_cluster import local_cluster
 from tests.execution import work
 from tests.execution.test_worker_processes import check_that_a_signal_ends, is_alive, values, wait_until
@@ -86,9 +87,11 @@ def test_workers_with_another_version_are_refused_by_name(cluster, monkeypatch):
 
 def test_another_make_of_processor_is_said_once(cluster, monkeypatch):
     monkeypatch.setattr("paretoik.execution.cluster.processor", lambda: ("riscv64",))
-    with pytest.warns(RuntimeWarning, match="another make of processor: the run is reproducible to rounding") as told:
+    with pytest.warns(RuntimeWarning, match="another make of processor: the run is reproducible to tolerance") as told:
         assert values(cluster.replies(work.scaled, 1.0, [1.0, 2.0])) == {0: 1.0, 1: 2.0}
     assert sum("another make" in str(each.message) for each in told) == 1
+    (make,) = cluster.description()["machines"]
+    assert (make["machines"], make["processor"]) == (1, " ".join(processor()))
 
 
 def test_where_no_scheduler_answers_that_is_said_at_once():

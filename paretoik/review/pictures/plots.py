@@ -70,9 +70,14 @@ def front_picture(front: Front, file: Path | str, choice: Choice | None = None) 
 
 @contextmanager
 def picture(file: Path | str, size: tuple[float, float]) -> Iterator[Figure]:
-    """Yield a figure of a size [inches] and write it as a small PNG of ours; raises InvalidInput where that fails."""
+    """Yield a figure of a size [inches] and write it as a small PNG of ours; raises InvalidInput where that fails.
+
+    A ``matplotlibrc`` has no say: one in the current folder, which may be a run from anybody, could start LaTeX.
+    """
     pixels = io.BytesIO()
-    with matplotlib.rc_context(PAPER.style):
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update(PAPER.style)
         figure = Figure(figsize=size, dpi=125, layout="constrained")
         yield figure
         figure.savefig(pixels, format="png")

@@ -41,8 +41,9 @@ def private_environment() -> Iterator[dict[str, str]]:
 
 def run_viewer(target: str, *options: str) -> subprocess.CompletedProcess[str]:
     """Open a file or address in the viewer with options of its own, and return when it has been closed."""
-    # It would listen to all the world, and on a port that may be taken.
-    command = [sys.executable, "-m", "rerun", target, "--bind", "127.0.0.1", "--port", "auto", *options]
+    # It would listen to all the world, and on a port that may be taken; -P: a rerun.py in the current folder, which may
+    # be a run from anybody, is not what is meant.
+    command = [sys.executable, "-P", "-m", "rerun", target, "--bind", "127.0.0.1", "--port", "auto", *options]
     with private_environment() as environment:
         return subprocess.run(
             command, env=environment, stderr=subprocess.PIPE, text=True, errors="replace", check=False

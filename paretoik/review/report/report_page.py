@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Int
 
 from paretoik.arrays import Values
+from paretoik.execution.computation import computed_text
 from paretoik.front.compromise import compromise
 from paretoik.front.front import Front
 from paretoik.front.provenance import flatten
@@ -126,7 +127,7 @@ class ReportPage:
                 without_motion=[]
                 if self._motions is None
                 else [number for number in front.ids.tolist() if number not in blocks],
-                provenance=list(flatten(whole.provenance).items()),
+                provenance=list(flatten({**whole.provenance, **_computed_by(whole.provenance)}).items()),
                 has_rates=front.certificates is not None and len(front.names) > 1,
                 style=_page_file("page.css"),
                 script=script,
@@ -165,6 +166,11 @@ class ReportPage:
             status, reason = str(front.certificates.status[row]), str(front.certificates.reason[row])
         number = int(front.ids[row])
         return {"id": number, "cells": cells, "status": status, "reason": reason, "mark": self._marks.get(number, "")}
+
+
+def _computed_by(provenance: Mapping[str, Any]) -> dict[str, str]:
+    """Return who computed a run in words, by the name of that entry; nothing where it has none."""
+    return {"computed": computed_text(provenance["computed"])} if "computed" in provenance else {}
 
 
 @cache

@@ -1,0 +1,71 @@
+"""Who computed a run: the entry ``computed`` of its `run.json`, and what it says in words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from paretoik.distribution import executor
+from paretoik.execution.machine import processor
+
+SAME, TOLERANCE, UNKNOWN = "bit for bit", "to tolerance", "unknown"  # how a run can be reproduced in one process
+
+
+def computed(former: object = None) -> dict[str, Any]:
+    """Return who has computed until now, behind those that a ``former`` entry of a run that goes on names.
+
+    ``by`` has an entry for each that differs from the one before: this process, workers on this machine, or a Dask
+    cluster with its ``machines`` and workers by make of processor. ``reproducible`` says how one process comes to the
+    same: "bit for bit" where all have one make, else "to tolerance", and "unknown" while a cluster has computed nothing
+    or where nobody is known.
+    """
+    active = executor()
+    entry = {"by": "this process"} if active is None else active.description()
+    entry["processor"] = " ".join(processor())
+    known = _entries(former)
+    entries = known if known[-1:] == [entry] else [*known, entry]
+    return {"reproducible": _reproducible(entries), "by": entries}
+
+
+def computed_text(entry: object) -> str:
+    """Return who computed a run, as an entry says, in a line of words; "" where it says nothing that can be read."""
+    entries = _entries(entry)
+    if not entries:
+        return ""
+    return f"{', then '.join(_words(each) for each in entries)}; {REPRODUCIBLE[_reproducible(entries)]}"
+
+
+REPRODUCIBLE = {
+    SAME: "one process comes to the same bit for bit",
+    TOLERANCE: "processors of different makes, so one process comes to the same to tolerance",
+    UNKNOWN: "on which makes of processor is unknown",
+}
+
+
+def _entries(computed_by: object) -> list[dict[str, Any]]:
+    """Return the entries of those who computed, none where they are not what is written here."""
+    listed = computed_by.get("by") if isinstance(computed_by, Mapping) else None
+    entries = list(listed) if isinstance(listed, list | tuple) else []
+    sound = all(isinstance(each, Mapping) and isinstance(each.get("machines", []), list | tuple) for each in entries)
+    makes = [make for each in entries for make in each.get("machines", ())] if sound else [None]
+    return [dict(each) for each in entries] if all(isinstance(make, Mapping) for make in makes) else []
+
+
+def _reproducible(entries: Sequence[Mapping[str, Any]]) -> str:
+    if any(each.get("machines") == [] for each in entries):
+        return UNKNOWN
+    makes = {str(make.get("processor")) for each in entries for make in (each, *each.get("machines", ()))}
+    return SAME if len(makes) == 1 else TOLERANCE
+
+
+def _words(entry: Mapping[str, Any]) -> str:
+    text = str(entry.get("by"))
+    if "workers" in entry:
+        text += f" ({entry['workers']})"
+    if "machines" in entry:
+        parts = [
+            f"{make.get('workers')} workers on {make.get('machines')} machines, {make.get('processor')}"
+            for make in entry["machines"]
+        ]
+        text += f" ({'; '.join(parts) or 'no worker yet'})"
+    return text
