@@ -182,8 +182,8 @@ def test_polishing_that_fails_leaves_the_run_as_it_was_found(tmp_path):
         if progress.stage == "refinement":
             raise RuntimeError("somebody looked away")
 
-    with pytest.raises(RuntimeError, match="looked away"):
+    with pytest.raises(pk.InvalidInput, match="observe raised RuntimeError: somebody looked away"):
         pk.solve(walk(), **{**SMALL, "generations": 6}, out=tmp_path / "run", observe=fail)
     stored_front = pk.load_front(tmp_path / "run", walk())
     assert len(stored_front) > 1
-    assert stored_front.provenance["status"] == "RuntimeError"
+    assert stored_front.provenance["status"] == "InvalidInput"

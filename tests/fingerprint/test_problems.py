@@ -69,7 +69,7 @@ def tuning() -> pk.Tuning:
 
 def two_ways() -> pk.DirectionalMaxima:
     motors = pk.capability.kim_sliders()
-    return pk.DirectionalMaxima(pk.arms.kim_3r(), motors, [0.2, -0.15], 4, constraints=[low], starts=40)
+    return pk.DirectionalMaxima(pk.arms.kim_3r(), motors, [0.2, -0.15], np.eye(2), constraints=[low], starts=40)
 
 
 def reach() -> pk.PointToPoint:
