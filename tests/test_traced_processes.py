@@ -64,8 +64,8 @@ class Desk:
 
     def run(self, *command: str | Path, folder: Path | None = None) -> Trace:
         """Return what Python does with arguments, as a user starts it that has no screen."""
-        kept = ("PATH", "LANG", "LC_ALL", "VIRTUAL_ENV")
-        environment = {name: os.environ[name] for name in kept if name in os.environ}
+        names = ("PATH", "LANG", "LC_ALL", "VIRTUAL_ENV")
+        environment = {name: os.environ[name] for name in names if name in os.environ}
         environment |= {"HOME": str(self.home), "TMPDIR": str(self.temporary), "PYTHONDONTWRITEBYTECODE": "1"}
         words = (sys.executable, "-P", *command)
         return trace(self.top / "calls", *words, folder=folder or self.project, environment=environment)
@@ -154,9 +154,9 @@ def test_so_does_a_run_that_is_stopped_and_goes_on(desk):
 
 
 def test_so_do_the_commands_that_work_on_a_run(desk):
-    found, run, other = solved(desk, "found"), desk.project / "run", desk.project / "other"
+    search, run, other = solved(desk, "found"), desk.project / "run", desk.project / "other"
     check(desk.paretoik("refine", "found", "--out", "run"), desk, run)
-    shutil.copytree(found, other)
+    shutil.copytree(search, other)
     point = str(first_point(run))
     check(desk.paretoik("select", "run", "--knee", "--picture", "chosen.png"), desk, run, desk.project / "chosen.png")
     moved = "navigate", "run", "--point", point, "--improve", "kinetic_energy", "--allow", "torque_norm"

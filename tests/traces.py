@@ -56,11 +56,11 @@ class Call:
     @property
     def paths(self) -> list[Path]:
         """The paths of its arguments, absolute, links in their folders followed."""
-        found = list[Path]()
+        paths = list[Path]()
         for match in TEXT.finditer(self.arguments):
             path = self.folder / (match["folder"] or "") / match["text"]
-            found.append(Path(os.path.realpath(path.parent), path.name))
-        return found
+            paths.append(Path(os.path.realpath(path.parent), path.name))
+        return paths
 
     @property
     def written(self) -> list[Path]:
@@ -160,15 +160,15 @@ def trace(log: Path, *command: str | Path, folder: Path, environment: Mapping[st
 
 def _calls(log: str, folder: Path) -> Iterator[Call]:
     """Yield the calls of a log; those that others interrupt are put together again."""
-    begun = dict[str, str]()
+    unfinished = dict[str, str]()
     for line in log.splitlines():
         process, _, text = line.partition(" ")
         text = text.strip()
         if text.endswith("<unfinished ...>"):
-            begun[process] = text.removesuffix("<unfinished ...>")
+            unfinished[process] = text.removesuffix("<unfinished ...>")
             continue
         if resumed := re.match(r"<\.\.\. \w+ resumed>", text):
-            text = begun.pop(process, "") + text[resumed.end() :]
+            text = unfinished.pop(process, "") + text[resumed.end() :]
         if match := CALL.match(text):
             yield Call(match["name"], match["arguments"], match["result"], folder)
         else:

@@ -1,7 +1,7 @@
 """One thread of the linear algebra libraries while a verb computes, whatever number the machine has.
 
-The matrices are small: more threads wait for each other longer than they compute, and sums in another order are other
-bits on a machine with another number of cores.
+The matrices are small: more threads wait for each other longer than they compute, and sums in another order could be
+other bits on a machine with another number of cores.
 """
 
 from __future__ import annotations

@@ -22,8 +22,8 @@ def computed(former: object = None) -> dict[str, Any]:
     active = executor()
     entry = {"by": "this process"} if active is None else active.description()
     entry["processor"] = " ".join(processor())
-    known = _entries(former)
-    entries = known if known[-1:] == [entry] else [*known, entry]
+    before = _entries(former)
+    entries = before if before[-1:] == [entry] else [*before, entry]
     return {"reproducible": _reproducible(entries), "by": entries}
 
 

@@ -106,11 +106,14 @@ def predict(problem: Any, front: Front, request: NavigationRequest) -> Predictio
 
 def _start(formulation: Differentiable, program: Program, front: Front, row: int, goal: Goal) -> Optimum | None:
     """Return a point of a front as the optimum of a goal; it is kept with the front, whose sliders ask again."""
-    known, key = _STARTS.setdefault(front, {}), (row, goal.weights.tobytes(), goal.rows.tobytes(), goal.upper.tobytes())
-    if key not in known:
+    optima, key = (
+        _STARTS.setdefault(front, {}),
+        (row, goal.weights.tobytes(), goal.rows.tobytes(), goal.upper.tobytes()),
+    )
+    if key not in optima:
         (x,) = formulation.front_points(take(front, np.array([row])))
-        known[key] = guess_optimum(program, x, goal)
-    return known[key]
+        optima[key] = guess_optimum(program, x, goal)
+    return optima[key]
 
 
 def _wish(front: Front, request: NavigationRequest) -> str:

@@ -35,13 +35,13 @@ def leave(out):
 def test_the_front_found_before_a_late_error_is_in_the_folder_and_on_the_error(tmp_path):
     with pytest.raises(InvalidInput, match="wrist: metres wanted") as failure:
         pk.solve(Ageing(refuse), **SIZES, out=tmp_path / "run")
-    kept = pk.load_front(tmp_path / "run")
-    assert len(kept) > 0
-    np.testing.assert_array_equal(kept.objectives, failure.value.partial.objectives)
+    stored = pk.load_front(tmp_path / "run")
+    assert len(stored) > 0
+    np.testing.assert_array_equal(stored.objectives, failure.value.partial.objectives)
     run = read_run(tmp_path / "run" / RUN)
     assert (run["status"], run["reason"]) == ("InvalidInput", "wrist: metres wanted")
     assert run["counts"]["generations"] == 4  # the first row is evaluated twice
-    assert failure.value.__notes__ == [f"the front found by then, of {len(kept)} points, is in {tmp_path / 'run'}"]
+    assert failure.value.__notes__ == [f"the front found by then, of {len(stored)} points, is in {tmp_path / 'run'}"]
 
 
 def test_without_a_folder_the_error_has_the_front():
@@ -61,9 +61,9 @@ def test_an_observer_that_raises_ends_the_search_by_name_and_keeps_the_front(tmp
     with pytest.raises(InvalidInput, match="observe raised LookupError: no more") as failure:
         pk.solve(Parabolas(), **SIZES, out=tmp_path / "run", observe=watch)
     assert isinstance(failure.value.__cause__, LookupError)
-    kept = pk.load_front(tmp_path / "run")
-    assert kept.provenance["counts"]["generations"] == 5
-    assert failure.value.__notes__ == [f"the front found by then, of {len(kept)} points, is in {tmp_path / 'run'}"]
+    stored = pk.load_front(tmp_path / "run")
+    assert stored.provenance["counts"]["generations"] == 5
+    assert failure.value.__notes__ == [f"the front found by then, of {len(stored)} points, is in {tmp_path / 'run'}"]
 
 
 def test_an_evaluation_that_calls_sys_exit_fails_and_the_search_goes_on():

@@ -54,11 +54,11 @@ def executor():
 def test_workers_come_to_the_same_bit_for_bit(verb, executor, tmp_path):
     alone = run(verb, tmp_path / "alone")
     with distributing(executor):
-        apart = run(verb, tmp_path / "workers")
-    check_same(apart, alone)
+        distributed = run(verb, tmp_path / "workers")
+    check_same(distributed, alone)
     assert told(tmp_path / "alone") == ["this process"]
     assert told(tmp_path / "workers") == ["worker processes"]
-    assert apart.provenance["computed"]["by"][0]["workers"] == 2
+    assert distributed.provenance["computed"]["by"][0]["workers"] == 2
 
 
 def told(folder: Path) -> list[str]:
@@ -83,10 +83,10 @@ def cluster(tmp_path_factory):
 def test_a_cluster_comes_to_the_same_bit_for_bit(verb, cluster, tmp_path):
     alone = run(verb, tmp_path / "alone")
     with open_executor(None, cluster.address):
-        apart = run(verb, tmp_path / "cluster")
-    check_same(apart, alone)
+        distributed = run(verb, tmp_path / "cluster")
+    check_same(distributed, alone)
     assert told(tmp_path / "cluster") == ["Dask cluster"]
-    (make,) = apart.provenance["computed"]["by"][0]["machines"]
+    (make,) = distributed.provenance["computed"]["by"][0]["machines"]
     assert (make["processor"], make["machines"]) == (" ".join(processor()), 1)
     assert make["workers"] in (1, 2)
 
@@ -106,20 +106,20 @@ def test_a_search_whose_workers_are_killed_comes_to_the_same(cluster, tmp_path):
         before = set(remote.client.run(os.getpid).values())
         killer = threading.Timer(2.0, lambda: remote.client.run(os._exit, 1, on_error="ignore"))
         killer.start()
-        apart = pk.solve(Slow(tmp_path / "apart", seconds=0.3), population=24, generations=3, seed=2)
+        distributed = pk.solve(Slow(tmp_path / "distributed", seconds=0.3), population=24, generations=3, seed=2)
         killer.join()
         assert before.isdisjoint(remote.client.run(os.getpid).values())
-    assert np.array_equal(apart.objectives, alone.objectives)
+    assert np.array_equal(distributed.objectives, alone.objectives)
 
 
 @pytest.mark.filterwarnings("ignore:workers. they do not pay")
 def test_a_search_of_a_problem_that_looks_at_one_row_at_a_time_is_the_same_in_workers(executor, tmp_path):
     alone = pk.solve(Slow(tmp_path / "alone"), population=12, generations=2, seed=2)
     with distributing(executor):
-        apart = pk.solve(Slow(tmp_path / "apart"), population=12, generations=2, seed=2)
+        distributed = pk.solve(Slow(tmp_path / "distributed"), population=12, generations=2, seed=2)
     for name in ("ids", "objectives", "genes"):
-        assert np.array_equal(getattr(apart, name), getattr(alone, name)), name
-    assert (tmp_path / "apart").read_text() == (tmp_path / "alone").read_text()  # as many evaluations
+        assert np.array_equal(getattr(distributed, name), getattr(alone, name)), name
+    assert (tmp_path / "distributed").read_text() == (tmp_path / "alone").read_text()  # as many evaluations
 
 
 @pytest.mark.filterwarnings("ignore:workers. they do not pay")
@@ -244,6 +244,6 @@ def test_a_problem_of_a_users_files_reaches_the_workers_as_it_was_loaded(where, 
         command = [sys.executable, "-m", "paretoik", "solve", "mine.py:bent", "--out", out, *sizes, *more]
         process = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
         assert process.returncode == 0, process.stderr
-    alone, apart = (pk.Front.load(tmp_path / out) for out in ("alone", where))
-    assert np.array_equal(apart.objectives, alone.objectives)
-    assert apart.provenance["counts"]["failed"] == 0
+    alone, distributed = (pk.Front.load(tmp_path / out) for out in ("alone", where))
+    assert np.array_equal(distributed.objectives, alone.objectives)
+    assert distributed.provenance["counts"]["failed"] == 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import rerun as rr
@@ -121,3 +122,11 @@ def last_text(batches: list, timeline: str, time: int) -> str:
     """Return the words that stand there at a time of a timeline."""
     words = rows(batches, timeline, "text")
     return str(words[max(each for each in words if each <= time)][0])
+
+
+def check_broken_limits(words: str, problem: Any, motion: Any) -> None:
+    """Check that a text names every limit that a motion breaks, with its amount, and each joint faster than 1 rad/s."""
+    for name, violation in zip(problem.task.limit_names, problem.task.violations(motion), strict=True):
+        assert (f"- {name}: violated by {violation:.3g} of its range" in words) == (violation > 0)
+    for joint, speed in zip(problem.task.arm.joint_names, np.abs(motion.dq).max(axis=0), strict=True):
+        assert (f"**{joint}, velocity**: reaches" in words) == (speed > 1.0 + 1e-6)

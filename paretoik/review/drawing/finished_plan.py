@@ -109,7 +109,7 @@ class FinishedPlan:
         nearest, scene = end.least_violating, self.scene
         if nearest is None:
             return plan_end_text(scene, end, self._lasts[0] if self._lasts else 0, starts)
-        return infeasible_text((scene.name,), (scene.unit,), nearest, scene.workcell, heading="No feasible motion")
+        return infeasible_text((scene.name,), (scene.unit,), nearest, scene.workcell, "No feasible motion")
 
     def _at_the_end(self, stream: rr.RecordingStream) -> None:
         """Let what follows stand at the end of ``replay``, and on ``motion`` and ``optimum``."""
@@ -204,10 +204,6 @@ class FinishedPlan:
         words = f"Of {len(self._panel.starts)} starts {len(self._walk)} are shown one by one." if left_out else ""
         return " ".join(filter(None, (self.note, words)))
 
-    @property
-    def _is_feasible(self) -> bool:
-        return self.end is None or self.end.least_violating is None
-
     @cached_property
     def _clock(self) -> ReplayClock:
         return ReplayClock.of(self._bests)
@@ -263,10 +259,10 @@ class FinishedPlan:
 
     @cached_property
     def _layout(self) -> Layout:
-        motions = self._motions
+        motions, feasible = self._motions, self.end is None or self.end.least_violating is None
         notes: list[rrb.View] = [note_view()] if self._note else []
         return Layout(
-            legend=Legend(entity="legend", entries=plan_entries(motions, feasible=self._is_feasible)),
+            legend=Legend(entity="legend", entries=plan_entries(motions, feasible=feasible)),
             front=self._panel.view(),
             charts=[chart.view() for chart, _, _ in self._charts],
             arm=None if motions is None else motions.view(),

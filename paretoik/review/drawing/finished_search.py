@@ -135,8 +135,7 @@ class FinishedSearch:
         """Say what is broken where nothing is feasible, and show the motion that breaks least."""
         self._at_the_end(stream)
         scene, canvases = self.search.scene, self._views.canvases
-        cell, heading = self.search.recorded.workcell, "No feasible point"
-        words = infeasible_text(scene.names, scene.units, nearest, cell, heading=heading)
+        words = infeasible_text(scene.names, scene.units, nearest, self.search.recorded.workcell, "No feasible point")
         stream.log(TEXT, rr.TextDocument(words, media_type="text/markdown"))
         scene.log_marked(stream, self._end_points, canvases, avoided=self._drawn, taken=self._lines)
         if self._motions is not None:

@@ -14,7 +14,7 @@ from paretoik.review.run_words import named_unit, value_text
 
 
 def infeasible_text(
-    names: Sequence[str], units: Sequence[str], nearest: LeastViolating, cell: Workcell | None, *, heading: str
+    names: Sequence[str], units: Sequence[str], nearest: LeastViolating, cell: Workcell | None, heading: str
 ) -> str:
     """Return why a run has no result, and what its least-violating motion breaks, limits of joints in their units.
 

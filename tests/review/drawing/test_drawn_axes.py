@@ -80,5 +80,5 @@ def test_no_label_of_a_tick_covers_another(left, bottom, across, upwards):
     halves = np.array([0.5 * text_width(word) + 0.5 * TEXT.padding for word in words])
     for i in range(len(words)):
         for k in range(i):
-            apart = np.abs(middles[i] - middles[k])
-            assert apart[0] >= halves[i] + halves[k] or apart[1] >= 0.8 * TEXT.line, (words[k], words[i])
+            distance = np.abs(middles[i] - middles[k])
+            assert distance[0] >= halves[i] + halves[k] or distance[1] >= 0.8 * TEXT.line, (words[k], words[i])

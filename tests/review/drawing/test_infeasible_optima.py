@@ -7,7 +7,7 @@ import pytest
 
 import paretoik as pk
 from tests.api.problems import tracking
-from tests.review.reading import blank_views, last_text, missing_entities, read, rows
+from tests.review.reading import blank_views, check_broken_limits, last_text, missing_entities, read, rows
 
 VERBS = {
     "plan": (lambda problem, **options: pk.plan(problem, **options), (pk.kinetic_energy,)),
@@ -34,11 +34,7 @@ def test_the_end_says_the_reason_and_every_limit_that_is_broken(narrow):
     problem, error, file = narrow
     words = last_text(read(file)["/text"], "level", levels(file)[-1])
     assert str(error) in words
-    for name, violation in zip(problem.task.limit_names, problem.task.violations(error.motion), strict=True):
-        assert (f"- {name}: violated by {violation:.3g} of its range" in words) == (violation > 0)
-    speeds = np.abs(error.motion.dq).max(axis=0)
-    for joint, speed in zip(problem.task.arm.joint_names, speeds, strict=True):
-        assert (f"**{joint}, velocity**: reaches" in words) == (speed > 1.0 + 1e-6)
+    check_broken_limits(words, problem, error.motion)
     for objective in problem.task.objectives:
         assert f"{objective.name}**: {float(objective(error.motion)):.4g} {objective.unit}" in words.replace(
             "\N{NO-BREAK SPACE}", " "

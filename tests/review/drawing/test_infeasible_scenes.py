@@ -8,7 +8,7 @@ from pymoo.core.problem import Problem
 
 import paretoik as pk
 from tests.api.problems import QUICK, tracking
-from tests.review.reading import blank_views, last_text, missing_entities, read, rows
+from tests.review.reading import blank_views, check_broken_limits, last_text, missing_entities, read, rows
 
 
 class Walled(Problem):
@@ -35,11 +35,7 @@ def test_every_limit_that_the_least_violating_motion_breaks_is_named_with_its_am
     problem, error, file = narrow
     words = last_text(read(file)["/text"], "generation", max(rows(read(file)["/text"], "generation", "text")))
     assert str(error) in words
-    for name, violation in zip(problem.task.limit_names, problem.task.violations(error.motion), strict=True):
-        assert (f"- {name}: violated by {violation:.3g} of its range" in words) == (violation > 0)
-    speeds = np.abs(error.motion.dq).max(axis=0)
-    for joint, speed in zip(problem.task.arm.joint_names, speeds, strict=True):
-        assert (f"**{joint}, velocity**: reaches" in words) == (speed > 1.0 + 1e-6)
+    check_broken_limits(words, problem, error.motion)
 
 
 def test_generations_say_what_the_least_violating_so_far_breaks(narrow):

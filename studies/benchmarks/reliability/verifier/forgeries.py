@@ -47,9 +47,9 @@ def thin_obstacle(front: pk.Front) -> pk.Tracking:
 def exceeded_between(front: pk.Front) -> pk.Tracking:
     """Return the problem with a limit that motions keep at all instants, and exceed between them."""
     for kind, name in (("power", "power"), ("torque", "torque"), ("position", "q")):
-        most = largest(front, name)
-        if np.abs(getattr(finer_motion(_motions(front)), name)).max() > (1 + 2e-4) * most:
-            return with_limits(**{kind: most})
+        limit = largest(front, name)
+        if np.abs(getattr(finer_motion(_motions(front)), name)).max() > (1 + 2e-4) * limit:
+            return with_limits(**{kind: limit})
     raise AssertionError("no limit that is largest between instants")
 
 
