@@ -1,4 +1,4 @@
-"""One thread of the linear algebra libraries while a verb computes, whatever number the machine has.
+"""One thread of the linear algebra libraries while a verb or a navigation computes, whatever the machine has.
 
 The matrices are small: more threads wait for each other longer than they compute, and sums in another order could be
 other bits on a machine with another number of cores.

@@ -13,6 +13,7 @@ from jaxtyping import Float
 
 from paretoik.arrays import Point
 from paretoik.errors import Infeasible, InvalidInput
+from paretoik.execution.blas_threads import single_blas_thread
 from paretoik.formulations.interpolation import points_between
 from paretoik.formulations.navigation_words import describe_move
 from paretoik.formulations.protocol import Differentiable, Individuals
@@ -64,19 +65,21 @@ def navigate(problem: Any, front: Front, request: NavigationRequest) -> Front:
     Raises Infeasible where there is no point that is better in what is asked for.
     """
     formulation: Differentiable = problem
-    program, points = formulation.program(), FrontPoints(x=formulation.front_points(front), objectives=front.minimised)
-    aim = _aim(front, request, program)
     between = _between(problem)
-    began = time.process_time()
-    destination = move(program, points, request.row, aim, between)
-    seconds = time.process_time() - began
-    if destination is None:
-        raise Infeasible(
-            f"navigate: wants {_wish(front, request)}, but found no point within all limits where "
-            f"{', '.join(front.names[k] for k in request.payers)} pays for it"
-        )
-    arrival = _certified(formulation, destination, aim, between)
-    moved = _joined(problem, front, request, aim, destination, arrival)
+    with single_blas_thread():
+        program = formulation.program()
+        points = FrontPoints(x=formulation.front_points(front), objectives=front.minimised)
+        aim = _aim(front, request, program)
+        began = time.process_time()
+        destination = move(program, points, request.row, aim, between)
+        seconds = time.process_time() - began
+        if destination is None:
+            raise Infeasible(
+                f"navigate: wants {_wish(front, request)}, but found no point within all limits where "
+                f"{', '.join(front.names[k] for k in request.payers)} pays for it"
+            )
+        arrival = _certified(formulation, destination, aim, between)
+        moved = _joined(problem, front, request, aim, destination, arrival)
     *others, note = moved.provenance[NAVIGATIONS]
     return replace(moved, provenance={**moved.provenance, NAVIGATIONS: [*others, {**note, "seconds": seconds}]})
 
@@ -87,15 +90,18 @@ def predict(problem: Any, front: Front, request: NavigationRequest) -> Predictio
     Raises InvalidInput where optima cannot be followed, and Infeasible where derivatives reach no prediction.
     """
     formulation: Differentiable = problem
-    program = formulation.program()
-    if not can_follow(program):
-        raise InvalidInput("predict: wants optima that can be followed, got kinks, or functions that relate samples")
-    aim = _aim(front, request, program)
-    optimum = _start(formulation, program, front, request.row, aim.at_share(0.0))
-    x = None if optimum is None else predict_optimum(program, optimum, aim.at_share)
-    if x is None:
-        raise Infeasible(f"predict: wants {_wish(front, request)}, which derivatives there do not reach")
-    individual = formulation.individuals(x[None])
+    with single_blas_thread():
+        program = formulation.program()
+        if not can_follow(program):
+            raise InvalidInput(
+                "predict: wants optima that can be followed, got kinks, or functions that relate samples"
+            )
+        aim = _aim(front, request, program)
+        optimum = _start(formulation, program, front, request.row, aim.at_share(0.0))
+        x = None if optimum is None else predict_optimum(program, optimum, aim.at_share)
+        if x is None:
+            raise Infeasible(f"predict: wants {_wish(front, request)}, which derivatives there do not reach")
+        individual = formulation.individuals(x[None])
     return Prediction(
         objectives=individual.objectives[0] * np.where(front.maximised, -1.0, 1.0),
         names=front.names,

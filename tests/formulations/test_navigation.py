@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 import paretoik as pk
 from paretoik.errors import Infeasible, InvalidInput
@@ -143,6 +144,23 @@ def test_moves_of_an_arm_in_space_are_predicted():
     problem = pk.Tracking(panda, path, objectives=[pk.kinetic_energy, pk.joint_limit_distance])
     front = pk.epsilon_front(problem, points=4, starts=4, observe=False)
     assert_predicts(front, inner_points(front)[-1], "kinetic_energy")
+
+
+def test_moves_and_predictions_compute_with_one_blas_thread():
+    threads = set[int]()
+
+    @pk.objective(unit="rad²/s²", form="integral")
+    def wrist_effort(motion):
+        blas = [library for library in threadpool_info() if library["prefix"] == "libscipy_openblas"]
+        threads.update(library["num_threads"] for library in blas)
+        return motion.dq[..., -1] ** 2
+
+    front = pk.epsilon_front(tracking(pk.kinetic_energy, wrist_effort), points=3, starts=2, observe=False)
+    with threadpool_limits(limits=3, user_api="blas"):
+        for verb in (front.navigate, front.predict):
+            threads.clear()
+            verb(int(front.ids[1]), improve="wrist_effort")
+            assert threads == {1}, verb
 
 
 def test_past_the_end_of_its_branch_a_move_is_not_predicted(plain):
