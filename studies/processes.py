@@ -10,6 +10,7 @@ from contextlib import closing, contextmanager
 from dataclasses import replace
 from typing import Any, TypeVar
 
+import cloudpickle
 from rich.console import Console
 from rich.progress import track
 
@@ -112,8 +113,11 @@ def run_seeds(
 def run_each(
     executor: Executor | None, calls: Mapping[Key, Callable[[], Result]], *, limit: float | None = None
 ) -> dict[Key, Result]:
-    """Return what calls without arguments return, by key, as ``each_result`` computes them."""
-    results = dict(each_result(executor, calls, limit=limit))
+    """Return what calls without arguments return, by key, as ``each_result`` computes them; each is told as it ends."""
+    results: dict[Key, Result] = {}
+    for key, result in each_result(executor, calls, limit=limit):
+        results[key] = result
+        tell(", ".join(key))
     return {key: results[key] for key in calls}
 
 
@@ -144,7 +148,8 @@ def call(_: None, job: bytes) -> Any:
 
 
 def _job(work: Callable[..., Any], args: Sequence[Any]) -> bytes:
-    return pickle.dumps((work, tuple(args)))
+    """Return a call as bytes: functions of modules by name, what has none by its content."""
+    return bytes(cloudpickle.dumps((work, tuple(args))))
 
 
 def _bar(results: Iterator[Result], total: int) -> Iterator[Result]:
