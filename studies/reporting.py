@@ -52,14 +52,22 @@ class Row:
     note: str = ""
 
 
-def study_parser(description: str, *, quick: str = "", out: str = "") -> argparse.ArgumentParser:
-    """Return a parser of --json, and where they are named of --quick and --out (a folder for pictures, in runs/)."""
+def study_parser(description: str, *, quick: str = "", out: str = "", cluster: str = "") -> argparse.ArgumentParser:
+    """Return a parser of --json, and where they are named of --quick, --out (a folder for pictures) and --cluster.
+
+    ``cluster`` says what the workers of a cluster compute.
+    """
     parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--json", type=Path, metavar="FILE", help="file to write the rows to")
     if quick:
         parser.add_argument("--quick", action="store_true", help=quick)
     if out:
         parser.add_argument("--out", type=Path, default=Path("runs") / out, help="folder for the pictures")
+    if cluster:
+        text = (
+            f"address of a Dask scheduler, as tcp://HOST:PORT, whose workers compute {cluster} in place of this machine"
+        )
+        parser.add_argument("--cluster", metavar="ADDRESS", help=text)
     return parser
 
 

@@ -5,18 +5,23 @@ The client decides everything: which items make a task, what is tried again, and
 
 from __future__ import annotations
 
+import asyncio
 import hashlib
+import time
 import uuid
 import warnings
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
+from concurrent.futures import wait
 from contextlib import suppress
 from functools import partial
+from importlib.util import find_spec
 from queue import Empty, SimpleQueue
 from typing import Any
 
 from paretoik.distribution import Function, Lost, Reply
 from paretoik.errors import InvalidInput
+from paretoik.execution.cluster_connection import connect
 from paretoik.execution.cluster_options import OPTIONS, ClusterOptions
 from paretoik.execution.cluster_task import Computed, Origin, Refused, Task, itself, run_task
 from paretoik.execution.cluster_watch import ClusterWatch
@@ -31,26 +36,20 @@ CANCELLED = ("cancelled", "lost")  # Dask's words for a future that its schedule
 class Cluster:
     """The workers of a Dask scheduler at an ``address``.
 
-    Raises InvalidInput where Dask is not installed or no scheduler answers.
+    Raises InvalidInput where Dask is not installed or no scheduler answers, Interrupted soon after a signal.
     """
 
     def __init__(self, address: str, options: ClusterOptions = OPTIONS) -> None:
-        try:
-            from distributed import Client
-        except ImportError as error:
-            raise InvalidInput('cluster: Dask wanted (pip install "paretoik[cluster]"), got none') from error
+        if find_spec("distributed") is None:
+            raise InvalidInput('cluster: Dask wanted (pip install "paretoik[cluster]"), got none')
         self.address, self.options = address, options
-        try:
-            self.client = Client(address, timeout=options.connection, set_as_default=False, name="paretoik")
-        except (OSError, ValueError) as error:
-            fact = " ".join(str(error).split()) or type(error).__name__
-            raise InvalidInput(f"cluster: a Dask scheduler at {address} wanted, got {fact}") from error
-        self.run, self.tasks = uuid.uuid4().hex, 0
-        self.threads = sum(self.client.nthreads().values())
+        self._warnings: set[str] = set()
+        self.client = connect(address, options, self.tell)
+        self.run, self.tasks, self.threads = uuid.uuid4().hex, 0, 0
+        ClusterWatch(self, options).count_threads()
         # As it is, as bytes, and where it is with the scheduler.
         self._shared: tuple[Any, bytes, Any] = None, b"", None
         self.origins: set[Origin] = set()  # of what has come
-        self._warnings: set[str] = set()
 
     @property
     def workers(self) -> int:
@@ -112,9 +111,25 @@ class Cluster:
                 future.result(timeout=self.options.interval)
         if future.status == "finished":
             with suppress(Exception):  # where a worker goes meanwhile; those that have it do what there is
-                spread = partial(self.client.replicate, [future], asynchronous=True)
-                self.client.sync(spread, callback_timeout=self.options.connection)
+                self.wait_for(partial(self.client.replicate, [future], asynchronous=True), self.options.connection)
         return future.status != "pending"  # what failed fails with the tasks that need it
+
+    def wait_for(self, function: Callable[[], Awaitable[Any]], seconds: float) -> Any:
+        """Return what comes of a function that Dask runs in its own thread.
+
+        Raises TimeoutError after so many seconds, Interrupted soon after a signal, and what the function raises.
+        """
+
+        async def run() -> Any:
+            return await function()
+
+        future = asyncio.run_coroutine_threadsafe(run(), self.client.loop.asyncio_loop)
+        deadline = time.monotonic() + seconds
+        while not wait([future], timeout=min(self.options.interval, seconds)).done:
+            if STOP[0] or time.monotonic() > deadline:
+                future.cancel()
+                raise Interrupted if STOP[0] else TimeoutError
+        return future.result()
 
     def tell(self, text: str) -> None:
         """Warn of something, once."""
@@ -135,6 +150,8 @@ class _Round:
         self.ended: SimpleQueue[Any] = SimpleQueue()
         self.answered, self.computed = 0, 0.0
         self.owners = 0  # threads that there were when the shared object was last spread
+        self.patience = 5 * self.options.interval  # with a result that is on its way; it grows while none comes
+        self.late: Any = None  # the task whose result did not come in time
 
     def replies(self) -> Iterator[tuple[int, Reply]]:
         self.watch.count_threads()
@@ -145,7 +162,13 @@ class _Round:
             ended = self._wait()
             results = self._gather(ended)
             for future in ended:
-                yield from self._received(future, results)
+                if self.late is None:
+                    yield from self._received(future, results)
+                else:
+                    self.ended.put(future)
+            if self.late is not None:  # the others come first the next time
+                self.ended.put(self.late)
+                self.late = None
             self.watch.look()
 
     def _submit(self) -> None:
@@ -186,21 +209,20 @@ class _Round:
     def _gather(self, futures: Sequence[Any]) -> dict[Any, Any]:
         """Return the results of tasks, fetched together: one by one each takes a round trip. None where one fails."""
         finished = [future for future in futures if future.status == "finished"]
-        if len(finished) < 2:
-            return {}
-        client, patience = self.cluster.client, 5 * self.options.interval
-        fetch = partial(client.gather, finished, asynchronous=True)
+        fetch = partial(self.cluster.client.gather, finished, asynchronous=True)
         with suppress(Exception):  # each is looked at by itself then
-            return dict(zip(finished, client.sync(fetch, callback_timeout=patience), strict=True))
+            results = self.cluster.wait_for(fetch, self.patience) if len(finished) > 1 else ()
+            return dict(zip(finished, results, strict=False))
         return {}
 
     def _received(self, future: Any, results: Mapping[Any, Any]) -> Iterator[tuple[int, Reply]]:
         """Yield what a task that ended has brought; let others do what it had where it brought nothing."""
         try:
-            result = results[future] if future in results else future.result(timeout=5 * self.options.interval)
+            result = results[future] if future in results else self.cluster.wait_for(future._result, self.patience)
         except Exception as error:
             yield from self._failed(future, error)
             return
+        self.patience = 5 * self.options.interval
         del self.running[future]
         if isinstance(result, Refused):
             raise InvalidInput(f"cluster: workers with what this process has, {result.reason}")
@@ -213,8 +235,8 @@ class _Round:
     def _failed(self, future: Any, error: Exception) -> Iterator[tuple[int, Reply]]:
         from distributed import KilledWorker
 
-        if isinstance(error, TimeoutError):  # whoever had the result is gone, and it is computed again
-            self.ended.put(future)
+        if isinstance(error, TimeoutError):  # whoever had the result is gone and it is computed again, or is busy
+            self.patience, self.late = min(2 * self.patience, self.options.frozen), future
             return
         alone, places = len(self.running) == 1, self.running.pop(future)
         if future.status in CANCELLED:  # with its scheduler

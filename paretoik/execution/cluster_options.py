@@ -12,8 +12,9 @@ class ClusterOptions:
     A task has items for so many seconds (``portion``), and so many more for every thread (``overhead``), as each task
     passes through one scheduler and one client, but no more than an even share of those that are left, ``shares`` of
     them a thread; ``ahead`` tasks a thread are with the scheduler. A signal is looked for every
-    ``interval``, the workers every ``watch``. The scheduler has ``connection`` to answer, ``patience`` to come back,
-    and to have a worker; a worker that was not heard of for ``frozen`` is left out.
+    ``interval``, the workers every ``watch``. Somebody has ``connection`` to listen at the address; a scheduler that is
+    longer silent is told of. It has ``patience`` to answer, to come back, and to have a worker; a worker that was not
+    heard of for ``frozen`` is left out.
     """
 
     portion: float = 0.5

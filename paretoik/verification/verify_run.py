@@ -20,6 +20,7 @@ from paretoik.verification.report import Check, Verification, demand, leave_out,
 from paretoik.verification.resolution_checks import check_resolution
 from paretoik.verification.run_contents import RunContents
 from paretoik.verification.table_checks import check_tables
+from paretoik.verification.tuning_checks import check_tuning
 
 Show: TypeAlias = Callable[[int, int], object]  # is told how many points are checked, of how many
 
@@ -99,6 +100,8 @@ def _check_motions(run: RunContents, problem: Any) -> Iterator[Check]:
         yield from check_standing(run, problem, model)
     elif hasattr(problem, "actuation") and hasattr(problem, "target"):
         yield from check_point_to_point(run, problem, model)
+    elif task is not None and hasattr(problem, "judged_starts"):
+        yield from check_tuning(run, problem, model)
     elif task is None or getattr(problem, "encoding", None) is None:
         yield leave_out("motions against the problem", f"{type(problem).__name__}: not a kind that is modelled twice")
     else:

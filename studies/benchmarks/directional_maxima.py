@@ -1,6 +1,7 @@
 """Postures that are fast in several directions: MaxiMin beside pymoo, refined and certified; losses first.
 
-    python -m studies.benchmarks.directional_maxima [--quick] [--seeds N] [--refined N] [--json FILE]
+    python -m studies.benchmarks.directional_maxima [--quick] [--seeds N] [--refined N] [--cluster ADDRESS]
+                                                   [--json FILE]
 
 ``DirectionalMaxima`` by joint motors and by sliders, with power, forces or a user's objective against speeds, forces
 against each other, and an arm of seven joints in space. Peers are pymoo's NSGA-II, NSGA-III and SMS-EMOA as they ship,
@@ -17,10 +18,10 @@ import time
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache, partial
 
 import numpy as np
 from pymoo.optimize import minimize
-from rich.console import Console
 
 import paretoik as pk
 from paretoik.arrays import Objectives
@@ -30,6 +31,7 @@ from studies.benchmarks.maximin.cases import POPULATION
 from studies.benchmarks.maximin.methods import OURS
 from studies.benchmarks.pymoo_peers import pymoo_algorithm
 from studies.benchmarks.significance import MARGIN, compare, comparison_row, decide, scores
+from studies.processes import run_each, workers_of
 from studies.reporting import Row, report, study_parser
 
 REFINED, GENERATIONS = "MaxiMin, refined", 26
@@ -79,8 +81,15 @@ class Run:
     front: pk.Front | None = None
 
 
-def run(name: str, problem: pk.DirectionalMaxima, seed: int) -> Run:
-    """Return what a method makes of a problem."""
+@cache
+def problem_of(case: str) -> pk.DirectionalMaxima:
+    """Return the problem of a case, made once in each process."""
+    return CASES[case]()
+
+
+def run(case: str, name: str, seed: int) -> Run:
+    """Return what a method makes of a problem; by names so that it can happen in another process."""
+    problem = problem_of(case)
     size, begun = POPULATION[problem.n_obj], time.process_time()
     if name == REFINED:
         front = pk.solve(problem, population=size, generations=GENERATIONS, seed=seed, refine=True)
@@ -139,20 +148,28 @@ def certified_rows(case: str, problem: pk.DirectionalMaxima, members: Sequence[R
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run all methods, seeds interleaved, and report."""
-    parser = study_parser(__doc__, quick="two seeds of the planar cases")
+    parser = study_parser(__doc__, quick="two seeds of the planar cases", cluster="all runs")
     parser.add_argument("--seeds", type=int, default=31)
     parser.add_argument("--refined", type=int, default=5, help="of these seeds fronts are refined too")
     options = parser.parse_args(arguments)
     cases, seeds = (list(CASES)[:5], 2) if options.quick else (list(CASES), options.seeds)
-    problems, console = {case: CASES[case]() for case in cases}, Console(stderr=True)
-    runs = {(case, name): list[Run]() for case in cases for name in (OURS, REFINED, *PEERS)}
-    for seed in range(seeds):
-        for case, name in runs:
-            if name != REFINED or seed < options.refined:
-                runs[case, name].append(run(name, problems[case], seed))
-        console.print(f"{seed + 1} of {seeds} seeds")
+    methods = {name: min(seeds, options.refined) if name == REFINED else seeds for name in (OURS, REFINED, *PEERS)}
+    calls = {
+        (case, name, f"seed {seed}"): partial(run, case, name, seed)
+        for seed in range(seeds)
+        for case in cases
+        for name, count in methods.items()
+        if seed < count
+    }
+    with workers_of(options.cluster) as executor:
+        results = run_each(executor, calls)
+    runs = {
+        (case, name): [results[case, name, f"seed {seed}"] for seed in range(count)]
+        for case in cases
+        for name, count in methods.items()
+    }
     rows = judge(runs, cases)
-    rows += [row for case in cases for row in certified_rows(case, problems[case], runs[case, REFINED])]
+    rows += [row for case in cases for row in certified_rows(case, problem_of(case), runs[case, REFINED])]
     for (case, name), members in runs.items():
         seconds = float(np.median([one.seconds for one in members]))
         rows.append(Row(table=COST, row=case, column=name, unit="s", ours=seconds))
@@ -160,4 +177,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    from studies.benchmarks.directional_maxima import main as named_main  # workers know its functions by this name
+
+    named_main()

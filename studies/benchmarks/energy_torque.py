@@ -9,15 +9,18 @@ from __future__ import annotations
 
 import csv
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
 import paretoik as pk
 from paretoik.api.settings import DEFAULTS
+from paretoik.arrays import Objectives
 from paretoik.front.indicators import hypervolume
 from problems.tringali_2020 import energy_torque
+from studies.processes import run_each, workers_of
 from studies.reporting import REPORTED, Row, report, study_parser
 
 REFERENCE_POINT = np.array([0.065, 0.10])
@@ -45,16 +48,30 @@ def variants(problem: pk.Tracking, *, ablate: bool) -> dict[str, pk.MaxiMinNSGA2
     }
 
 
-def measure_variant(variant: str, solve: Callable[..., pk.Front], seeds: Sequence[int]) -> list[Row]:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Searched:
+    """The front that a search came to, minimised, and its seconds."""
+
+    F: Objectives
+    seconds: float
+
+
+def search(variant: str, seed: int, generations: int | None) -> Searched:
+    """Search by one variant with a seed."""
+    problem = energy_torque()
+    algorithm, started = variants(problem, ablate=True)[variant], time.perf_counter()
+    front = pk.solve(problem, algorithm=algorithm, seed=seed, generations=generations)
+    return Searched(F=front.minimised, seconds=time.perf_counter() - started)
+
+
+def variant_rows(variant: str, runs: Sequence[Searched]) -> list[Row]:
     """Return the medians of one variant over seeds, after printing every seed."""
     reference = hypervolume(reference_front(), REFERENCE_POINT)
     shares, points, seconds = [], [], []
-    for seed in seeds:
-        started = time.perf_counter()
-        front = solve(seed=seed)
-        seconds.append(time.perf_counter() - started)
-        shares.append(hypervolume(front.minimised, REFERENCE_POINT) / reference)
-        points.append(len(front))
+    for seed, one in enumerate(runs):
+        seconds.append(one.seconds)
+        shares.append(hypervolume(one.F, REFERENCE_POINT) / reference)
+        points.append(len(one.F))
         print(f"{variant}, seed {seed}: {shares[-1]:.4f} of the reference, {points[-1]} points, {seconds[-1]:.1f} s")
     share, spread = float(np.median(shares)), f"{GOAL}; {len(shares)} seeds, {min(shares):.3f} to {max(shares):.3f}"
     return [
@@ -85,19 +102,23 @@ def measure_variant(variant: str, solve: Callable[..., pk.Front], seeds: Sequenc
 def main(arguments: Sequence[str] | None = None) -> None:
     """Solve for every seed and report medians."""
     parser = study_parser(
-        "The search at its defaults beside the energy_torque reference.", quick="3 seeds, 100 generations"
+        "The search at its defaults beside the energy_torque reference.",
+        quick="3 seeds, 100 generations",
+        cluster="all searches",
     )
     parser.add_argument("--seeds", type=int, default=11)
     parser.add_argument("--ablate", action="store_true", help="also without one ingredient of the search at a time")
     options = parser.parse_args(arguments)
-    seeds = range(3 if options.quick else options.seeds)
-    problem = energy_torque()
-    rows = []
-    for variant, algorithm in variants(problem, ablate=options.ablate).items():
-        solve = partial(pk.solve, problem, algorithm=algorithm)
-        rows += measure_variant(variant, partial(solve, generations=100) if options.quick else solve, seeds)
+    seeds, generations = (range(3), 100) if options.quick else (range(options.seeds), None)
+    names = list(variants(energy_torque(), ablate=options.ablate))
+    calls = {(name, f"seed {seed}"): partial(search, name, seed, generations) for name in names for seed in seeds}
+    with workers_of(options.cluster) as executor:
+        runs = run_each(executor, calls)
+    rows = [row for name in names for row in variant_rows(name, [runs[name, f"seed {seed}"] for seed in seeds])]
     report(rows, json_file=options.json)
 
 
 if __name__ == "__main__":
-    main()
+    from studies.benchmarks.energy_torque import main as named_main  # workers know its functions by this name
+
+    named_main()

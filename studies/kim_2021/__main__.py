@@ -1,16 +1,18 @@
-"""The command: ``python -m studies.kim_2021 [--quick] [--json FILE] [--out FOLDER]``."""
+"""The command: ``python -m studies.kim_2021 [--quick] [--json FILE] [--out FOLDER] [--cluster ADDRESS]``."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from time import perf_counter
 
 import numpy as np
 
+from paretoik.distribution import Executor
 from studies.kim_2021.energies import posture_rows, postures, table_4
 from studies.kim_2021.exactness import linear_programs, many_starts, random_paths, symmetries
 from studies.kim_2021.fronts import MECHANISMS, drawn_fronts, race_fronts, race_rows, time_energy, time_energy_rows
@@ -22,6 +24,7 @@ from studies.kim_2021.sensitivity import MASSES, changes, floor_rows, nearest_ro
 from studies.kim_2021.surrogates import all_surrogates, surrogate_rows
 from studies.kim_2021.trajectories import cheating, figure_8, trajectory
 from studies.kim_2021.without_jumps import straight_rows
+from studies.processes import run_each, workers_of
 from studies.reporting import Row, report, study_parser
 
 
@@ -60,14 +63,18 @@ QUICK = Effort(
 def main(arguments: Sequence[str] | None = None) -> None:
     """Regenerate the paper's table and figures, report the rows and draw the pictures."""
     options = study_parser(
-        "Kim, Choi & Jang 2021.", quick="coarse grids, few starts, few rounds", out="kim_2021"
+        "Kim, Choi & Jang 2021.",
+        quick="coarse grids, few starts, few rounds",
+        out="kim_2021",
+        cluster="postures along paths, fronts and IPOPT's runs",
     ).parse_args(arguments)
-    rows, pictures = run_study(QUICK if options.quick else Effort(), options.out)
+    with workers_of(options.cluster) as executor:
+        rows, pictures = run_study(QUICK if options.quick else Effort(), options.out, executor)
     report(rows, json_file=options.json)
     print(f"{len(pictures)} pictures in {options.out}", file=sys.stderr)
 
 
-def run_study(effort: Effort, folder: Path) -> tuple[list[Row], list[Path]]:
+def run_study(effort: Effort, folder: Path, executor: Executor | None = None) -> tuple[list[Row], list[Path]]:
     """Return all rows, and the pictures drawn into a folder; what is under way is told on stderr."""
     started = perf_counter()
 
@@ -86,26 +93,28 @@ def run_study(effort: Effort, folder: Path) -> tuple[list[Row], list[Path]]:
     trajectories = {name: trajectory(surrogates, samples=effort.samples) for name, surrogates in models.items()}
     rows += figure_8(trajectories) + cheating(trajectories)
     begin("Figure 9 and Table 4")
-    ways = {name: postures(one, pieces=effort.pieces, cell=effort.cell) for name, one in trajectories.items()}
+    along = partial(postures, pieces=effort.pieces, cell=effort.cell)
+    calls = {(name,): partial(along, one) for name, one in trajectories.items()}
+    ways = {name: one for (name,), one in run_each(executor, calls).items()}
     rows += posture_rows(ways, trajectories) + table_4(ways)
     assumptions = islice(changes(angles=angles), 0, None, effort.every)
-    rows += straight_rows(assumptions, pieces=effort.pieces // 2, cell=2 * effort.cell)
+    rows += straight_rows(assumptions, pieces=effort.pieces // 2, cell=2 * effort.cell, executor=executor)
     begin("exactness")
     rng = np.random.default_rng(0)
     rows += linear_programs(effort.random, rng) + symmetries(effort.random, rng)
-    rows += many_starts(effort.starts, rng, positions=effort.positions)
+    rows += many_starts(effort.starts, rng, positions=effort.positions, executor=executor)
     rows += random_paths(trajectories, effort.paths, rng)
     begin("one posture for two directions")
-    shared = all_cases(effort.shared)
+    shared = all_cases(effort.shared, executor=executor)
     rows += [row for one in shared for row in one_posture_rows(one)]
     begin("time against energy")
-    fronts = [
-        time_energy(name, points=effort.points, starts=effort.searches, samples=effort.moments) for name in MECHANISMS
-    ]
+    front = partial(time_energy, points=effort.points, starts=effort.searches, samples=effort.moments)
+    fronts = list(run_each(executor, {(name,): partial(front, name) for name in MECHANISMS}).values())
     rows += [row for one in fronts for row in time_energy_rows(one)]
     begin("the same beside IPOPT")
-    races = [race_fronts(one, starts=effort.searches // 4, samples=effort.moments) for one in fronts]
-    rows += [row for one in races for row in race_rows(one)]
+    beside = partial(race_fronts, starts=effort.searches // 4, samples=effort.moments)
+    races = run_each(executor, {(one.name,): partial(beside, one) for one in fronts})
+    rows += [row for one in races.values() for row in race_rows(one)]
     begin("what maxima and steps take")
     rows += polygon_race(rounds=effort.rounds)
     for one in trajectories.values():

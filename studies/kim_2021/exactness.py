@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import partial
+
 import numpy as np
 
 import paretoik as pk
@@ -9,6 +12,7 @@ from paretoik.capability.directional import unit_directions
 from paretoik.capability.geodesic import path_time
 from paretoik.capability.joint_capability import joint_speeds
 from paretoik.capability.posture_maxima import highest_speeds
+from paretoik.distribution import Executor
 from paretoik.nlp.linear_program import furthest
 from paretoik.robot.dynamics import gravity_torques
 from paretoik.robot.kinematics import jacobian
@@ -16,6 +20,7 @@ from problems.panda import panda
 from studies.kim_2021.full_program import full_program, places
 from studies.kim_2021.setting import DIRECTIONS, MECHANISMS, POSITIONS, actuation_of, beside_paper, speeds
 from studies.kim_2021.trajectories import Trajectory
+from studies.processes import run_each
 from studies.reporting import Row
 
 TABLE, SAME = "exactness", 1e-6
@@ -83,14 +88,20 @@ def symmetries(count: int, rng: np.random.Generator) -> list[Row]:
     return rows
 
 
-def many_starts(starts: int, rng: np.random.Generator, *, positions: int) -> list[Row]:
+def many_starts(
+    starts: int, rng: np.random.Generator, *, positions: int, executor: Executor | None = None
+) -> list[Row]:
     """Return whether IPOPT finds anything better with the whole program from many starts, in 16 directions."""
-    rows, ways = [], unit_directions(DIRECTIONS, 2)
+    calls: dict[tuple[str, str], partial[list[list[tuple[float, bool]]]]] = {}
     for name in MECHANISMS:
-        program, ratios, failed, missed = full_program(name), list[float](), 0, 0
-        for place in list(places().values())[:positions]:
-            for way, ours in zip(ways, speeds(name, place), strict=True):
-                solutions = [program.solved(start, place, way) for start in program.starts(place, starts, rng)]
+        for where in list(places())[:positions]:
+            drawn = [full_program(name).starts(places()[where], starts, rng) for _ in range(DIRECTIONS)]
+            calls[name, where] = partial(solve_all_ways, name, where, drawn)
+    found, rows = run_each(executor, calls), []
+    for name in MECHANISMS:
+        ratios, failed, missed = list[float](), 0, 0
+        for where in list(places())[:positions]:
+            for solutions, ours in zip(found[name, where], speeds(name, places()[where]), strict=True):
                 ended = [value / ours - 1.0 for value, success in solutions if success]
                 failed += len(solutions) - len(ended)
                 ratios += ended
@@ -101,6 +112,14 @@ def many_starts(starts: int, rng: np.random.Generator, *, positions: int) -> lis
         note += f"; the best of {starts} misses ours in {missed} of {tried}"
         rows.append(beside_paper((TABLE, name, "IPOPT beside ours, at most"), "", worst, _lost(worst, SAME) + note))
     return rows
+
+
+def solve_all_ways(name: str, where: str, starts: Sequence[np.ndarray]) -> list[list[tuple[float, bool]]]:
+    """Return what IPOPT comes to at a place in every direction, from starts for each: speeds, and whether it ended."""
+    program, ways = full_program(name), unit_directions(DIRECTIONS, 2)
+    return [
+        [program.solved(start, places()[where], way) for start in each] for way, each in zip(ways, starts, strict=True)
+    ]
 
 
 def random_paths(trajectories: dict[str, Trajectory], count: int, rng: np.random.Generator) -> list[Row]:

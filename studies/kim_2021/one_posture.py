@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -15,12 +16,14 @@ from jaxtyping import Float
 
 import paretoik as pk
 from paretoik.capability.joint_capability import Quantity
+from paretoik.distribution import Executor
 from paretoik.review.palette import PAPER
 from paretoik.review.pictures.plots import label
 from problems.kim_2021 import PLACE, WAYS
 from studies.kim_2021.exactness import SAME
 from studies.kim_2021.posture_program import posture_program
 from studies.kim_2021.setting import MECHANISMS, actuation_of
+from studies.processes import run_each
 from studies.reporting import Row, drawing
 
 TABLE = "one posture for two directions, at p6"
@@ -97,9 +100,10 @@ def one_posture_rows(one: OnePosture) -> list[Row]:
     ]
 
 
-def all_cases(points: int) -> list[OnePosture]:
+def all_cases(points: int, *, executor: Executor | None = None) -> list[OnePosture]:
     """Return all cases of both mechanisms."""
-    return [one_posture(mechanism, case, points=points) for mechanism in MECHANISMS for case in CASES]
+    front = partial(one_posture, points=points)
+    return list(run_each(executor, {(m, case): partial(front, m, case) for m in MECHANISMS for case in CASES}).values())
 
 
 def drawn_postures(folder: Path, fronts: Sequence[OnePosture]) -> Path:

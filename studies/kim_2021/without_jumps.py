@@ -3,35 +3,50 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import partial
 
 import numpy as np
 
+from paretoik.distribution import Executor
 from paretoik.errors import SolverFailed
 from studies.kim_2021.continuous import resolved
 from studies.kim_2021.profiles import Mechanism
 from studies.kim_2021.sensitivity import Assumptions
-from studies.kim_2021.setting import POSITIONS, beside_paper
+from studies.kim_2021.setting import MECHANISMS, POSITIONS, beside_paper
+from studies.processes import run_each
 from studies.reporting import Row
 
 TABLE = "soonest from p4 straight to p6, postures not jumping"
 
 
-def straight_rows(assumptions: Iterable[Assumptions], *, pieces: int, cell: float) -> list[Row]:
-    """Return the ratio of both times for everything assumed; NaN where nothing holds on the way."""
+def straight_time(name: str, assumed: Assumptions, pieces: int, cell: float) -> float:
+    """Return how soon a mechanism can be at p6 [s], NaN where nothing holds on the way."""
+    arm, motors = (assumed.limited, assumed.motors) if name == "JAM" else (assumed.free, assumed.sliders)
     path = np.stack([POSITIONS["p4"], POSITIONS["p6"]])
-    rows, known = [], dict[tuple[object, ...], float]()
-    for assumed in assumptions:
-        times = []
-        for name, arm, motors in (("JAM", assumed.limited, assumed.motors), ("DAM", assumed.free, assumed.sliders)):
-            key = (name, assumed.mass, assumed.shape, assumed.joint_ranges) if name == "JAM" else (name, assumed)
-            if key not in known:
-                try:
-                    mechanism = Mechanism(arm=arm, actuation=motors)
-                    known[key] = float(resolved(mechanism, path, pieces=pieces, cell=cell).times[-1])
-                except SolverFailed:
-                    known[key] = np.nan
-            times.append(known[key])
-        first, second = times
+    try:
+        return float(resolved(Mechanism(arm=arm, actuation=motors), path, pieces=pieces, cell=cell).times[-1])
+    except SolverFailed:
+        return np.nan
+
+
+def _key(name: str, assumed: Assumptions) -> tuple[str, str]:
+    """Return what the time of a mechanism hangs on: that of joint motors on no rods, unless these limit its joints."""
+    if name == "JAM" and not assumed.joint_ranges:
+        return name, str(Assumptions(mass=assumed.mass, shape=assumed.shape))
+    return name, str(assumed)
+
+
+def straight_rows(
+    assumptions: Iterable[Assumptions], *, pieces: int, cell: float, executor: Executor | None = None
+) -> list[Row]:
+    """Return the ratio of both times for everything assumed; NaN where nothing holds on the way."""
+    listed, rows = list(assumptions), []
+    times = run_each(
+        executor,
+        {_key(name, one): partial(straight_time, name, one, pieces, cell) for one in listed for name in MECHANISMS},
+    )
+    for assumed in listed:
+        first, second = (times[_key(name, assumed)] for name in MECHANISMS)
         sooner = "DAM is sooner" if second < first else "JAM is sooner"
         note = f"{sooner}: JAM {first:.3f} s, DAM {second:.3f} s"
         if np.isnan(first + second):

@@ -12,7 +12,7 @@ step every time; Figures 2 to 9 as pictures. What was read into the paper:
   paper's, and the oracle begins where ours does.
 
 ============== ========================================================================================================
-loops          every closed loop, searched and exact, on all cores
+loops          every closed loop, searched and exact: on all cores, or on a Dask cluster
 tables         Tables 1 to 4 and what they say
 collisions     whether the arm meets an obstacle between steps, on a grid
 pictures       Figures 2 to 9

@@ -1,4 +1,4 @@
-"""The command: ``python -m studies.marcos_2012 [--quick] [--json FILE] [--out FOLDER]``."""
+"""The command: ``python -m studies.marcos_2012 [--quick] [--json FILE] [--out FOLDER] [--cluster ADDRESS]``."""
 
 from __future__ import annotations
 
@@ -6,13 +6,15 @@ import sys
 import time
 from collections.abc import Sequence
 
+from paretoik.distribution import Executor
 from problems.marcos_2012 import STEPS
 from studies.marcos_2012.collisions import collision_rows
-from studies.marcos_2012.loops import cells, find_starts, follow_all
+from studies.marcos_2012.loops import CellLoop, cells, find_starts, follow_all
 from studies.marcos_2012.pictures import draw
 from studies.marcos_2012.starts import start_rows
 from studies.marcos_2012.tables import oracle_rows, reproduced_rows, spread_rows, table_rows, time_rows, warm_rows
-from studies.reporting import report, study_parser, tell
+from studies.processes import processes
+from studies.reporting import Row, report, study_parser, tell
 
 QUICK_STEPS = 200  # of the loop with bounded steps
 
@@ -23,34 +25,41 @@ def main(arguments: Sequence[str] | None = None) -> None:
         "Marcos et al. 2012, CLMOGA.",
         quick="three links, one circle, one weight, with and without obstacles",
         out="marcos_2012",
+        cluster="all closed loops that are searched",
     )
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args(arguments)
+    with processes(options.cluster) as executor:
+        loops, rows = _follow(executor, quick=options.quick, seed=options.seed)
+    report(rows, json_file=options.json)
+    pictures = draw(options.out, loops)
+    print(f"{len(pictures)} pictures in {options.out}", file=sys.stderr)
+
+
+def _follow(executor: Executor, *, quick: bool, seed: int) -> tuple[list[CellLoop], list[Row]]:
+    """Return the closed loops of the tables, and all rows."""
     started = time.perf_counter()
-    selection = cells(links=[3], distances=[0.7], weights=[0.5]) if options.quick else cells()
+    selection = cells(links=[3], distances=[0.7], weights=[0.5]) if quick else cells()
     tell("first postures")
-    postures = find_starts(selection, seed=options.seed)
+    postures = find_starts(selection, seed=seed, executor=executor)
     tell(f"{len(selection)} closed loops")
-    loops = list(follow_all(selection, postures, steps=STEPS, seed=options.seed))
+    loops = follow_all(selection, postures, steps=STEPS, seed=seed, executor=executor)
     seconds = time.perf_counter() - started
-    rows = [*table_rows(loops), *reproduced_rows(loops)]
-    rows += oracle_rows(loops)
-    if not options.quick:
+    rows = [*table_rows(loops), *reproduced_rows(loops), *oracle_rows(loops)]
+    if not quick:
         tell("what the start decides, and seeds")
-        rows += [*start_rows(), *spread_rows(postures)]
+        rows += [*start_rows(), *spread_rows(postures, executor=executor)]
     tell("warm starts")
-    rows += warm_rows(postures, seed=options.seed)
+    rows += warm_rows(postures, seed=seed, executor=executor)
     printed = [
         (f"{one.cell.arm}, {one.cell.row}", one.run)
         for one in loops
         if one.cell.blocked and one.cell.weight in (0.0, 0.5)
     ]
     tell("steps of bounded length")
-    rows += collision_rows(printed, postures, steps=QUICK_STEPS if options.quick else STEPS, seed=options.seed)
-    rows += time_rows(loops, seconds)
-    report(rows, json_file=options.json)
-    pictures = draw(options.out, loops)
-    print(f"{len(pictures)} pictures in {options.out}", file=sys.stderr)
+    steps = QUICK_STEPS if quick else STEPS
+    rows += collision_rows(printed, postures, steps=steps, seed=seed, executor=executor)
+    return loops, rows + time_rows(loops, seconds)
 
 
 if __name__ == "__main__":

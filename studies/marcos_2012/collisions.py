@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
+from paretoik.distribution import Executor
 from paretoik.formulations.closed_loop_result import ClosedLoopRun
 from paretoik.robot.kinematics import link_nodes
 from paretoik.task.distances import clearance
 from problems import marcos_2012
+from studies.marcos_2012.tables import Starts
+from studies.processes import run_each
 from studies.reporting import Row
 
 BETWEEN = 20  # times finer than the steps
@@ -25,16 +29,27 @@ def count_collisions(run: ClosedLoopRun, *, finer: int = BETWEEN) -> tuple[int, 
 
 
 def collision_rows(
-    printed: Sequence[tuple[str, ClosedLoopRun]], starts: dict[tuple[int, float], np.ndarray], *, steps: int, seed: int
+    printed: Sequence[tuple[str, ClosedLoopRun]],
+    starts: Starts,
+    *,
+    steps: int,
+    seed: int,
+    executor: Executor | None = None,
 ) -> list[Row]:
     """Return where arms meet obstacles: as the paper reads, and by default."""
     rows = [_row("as printed, steps of any length", name, run) for name, run in printed]
-    for (links, distance), start in starts.items():
-        loop = marcos_2012.loop(
-            3 if links == 3 else 4, distance, weight=0.5, blocked=True, steps=steps, start=start, seed=seed
-        )
-        rows.append(_row("steps of at most 0.1 rad", f"{links}R, r = {distance}, w = 0.5", loop.run()))
-    return rows
+    calls = {
+        (f"{links}R, r = {distance}, w = 0.5",): partial(_run_bounded, links, distance, start, steps, seed)
+        for (links, distance), start in starts.items()
+    }
+    runs = run_each(executor, calls)
+    return rows + [_row("steps of at most 0.1 rad", name, run) for (name,), run in runs.items()]
+
+
+def _run_bounded(links: int, distance: float, start: np.ndarray, steps: int, seed: int) -> ClosedLoopRun:
+    return marcos_2012.loop(
+        3 if links == 3 else 4, distance, weight=0.5, blocked=True, steps=steps, start=start, seed=seed
+    ).run()
 
 
 def _row(reading: str, name: str, run: ClosedLoopRun) -> Row:

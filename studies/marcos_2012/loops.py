@@ -1,24 +1,22 @@
-"""Every closed loop of the tables, searched and exact, on all cores."""
+"""Every closed loop of the tables, searched and exact, each a task of its own."""
 
 from __future__ import annotations
 
-import os
-import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import product
-from multiprocessing import get_context
 
 import numpy as np
 
 from paretoik.closed_loop.exact_loop import exact_steps
-from paretoik.closed_loop.loop import StepRecord
+from paretoik.distribution import Executor
 from paretoik.formulations.closed_loop_result import ClosedLoopRun
 from paretoik.task.motion import Motion
 from problems import marcos_2012
 from problems.marcos_2012 import DISTANCES, STEPS, Links
+from studies.processes import run_each
 
 WEIGHTS = tuple(round(0.1 * k, 1) for k in range(11))
 LINKS: tuple[Links, ...] = (4, 3)  # the longer runs first, so that all cores end together
@@ -64,13 +62,13 @@ def cells(
     ]
 
 
-def find_starts(selection: Sequence[Cell], *, seed: int) -> dict[tuple[int, float], np.ndarray]:
+def find_starts(
+    selection: Sequence[Cell], *, seed: int, executor: Executor | None = None
+) -> dict[tuple[int, float], np.ndarray]:
     """Return where each arm begins on each circle, by OLGA, clear of the obstacles: the same with and without them."""
-    pairs = list(dict.fromkeys((cell.links, cell.distance) for cell in selection))
-    if len(pairs) == 1:
-        return {pairs[0]: _start(*pairs[0], seed)}
-    with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
-        return dict(zip(pairs, pool.map(_start, *zip(*pairs, strict=True), [seed] * len(pairs)), strict=True))
+    pairs = dict.fromkeys((cell.links, cell.distance) for cell in selection)
+    calls = {(f"{links}R", f"r = {distance}"): partial(_start, links, distance, seed) for links, distance in pairs}
+    return dict(zip(pairs, run_each(executor if len(calls) > 1 else None, calls).values(), strict=True))
 
 
 def _start(links: Links, distance: float, seed: int) -> np.ndarray:
@@ -78,31 +76,21 @@ def _start(links: Links, distance: float, seed: int) -> np.ndarray:
 
 
 def follow_all(
-    selection: Sequence[Cell], postures: dict[tuple[int, float], np.ndarray], *, steps: int = STEPS, seed: int = 0
-) -> Iterator[CellLoop]:
-    """Follow every cell's loop on all cores, as they end; how many of all steps are done is said every second."""
-    ended, done, last_message, total = 0, 0, time.perf_counter(), steps * len(selection)
-
-    def count(_: StepRecord) -> None:
-        nonlocal done, last_message
-        done += 1  # of threads that count at once one may be lost: it is said, not reckoned with
-        if time.perf_counter() > last_message + 1.0:
-            last_message = time.perf_counter()
-            print(
-                f"\r{done} of {total} steps, {ended} of {len(selection)} closed loops",
-                end="",
-                file=sys.stderr,
-                flush=True,
-            )
-
-    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-        for one in pool.map(
-            lambda cell: follow(cell, postures[cell.links, cell.distance], steps=steps, seed=seed, observe=count),
-            selection,
-        ):
-            ended += 1
-            yield one
-    print(f"\r{total} of {total} steps, {ended} of {len(selection)} closed loops", file=sys.stderr)
+    selection: Sequence[Cell],
+    postures: Mapping[tuple[int, float], np.ndarray],
+    *,
+    steps: int = STEPS,
+    seed: int = 0,
+    executor: Executor | None = None,
+) -> list[CellLoop]:
+    """Follow every cell's loop; how many are done is said."""
+    calls = {
+        (cell.arm, cell.row, "blocked" if cell.blocked else "free"): partial(
+            follow, cell, postures[cell.links, cell.distance], steps=steps, seed=seed
+        )
+        for cell in selection
+    }
+    return list(run_each(executor, calls).values())
 
 
 def follow(
@@ -113,9 +101,8 @@ def follow(
     seed: int,
     generations: int = 200,
     warm_start: bool = False,
-    observe: Callable[[StepRecord], object] | None = None,
 ) -> CellLoop:
-    """Follow one cell's loop from a start, searched and exact; ``observe`` is called with every step searched."""
+    """Follow one cell's loop from a start, searched and exact."""
     loop = marcos_2012.loop(
         cell.links,
         cell.distance,
@@ -129,7 +116,7 @@ def follow(
         warm_start=warm_start,
     )
     started = time.thread_time()
-    run = loop.run(fronts=(1, 2), observe=observe)
+    run = loop.run(fronts=(1, 2))
     seconds = time.thread_time() - started
     q = exact_steps(loop.task, start, weight=cell.weight, longest_step=loop.longest)
     return CellLoop(cell=cell, run=run, seconds=seconds, exact=loop.task.motion(q))

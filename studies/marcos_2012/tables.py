@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
+from typing import TypeAlias
 
 import numpy as np
 
+from paretoik.distribution import Executor
 from paretoik.formulations.closed_loop_result import mean_position_error
 from paretoik.task.objectives import joint_drift
 from studies.marcos_2012.loops import Cell, CellLoop, follow
+from studies.processes import run_each
 from studies.reporting import Row, paper_numbers
 
+Starts: TypeAlias = Mapping[tuple[int, float], np.ndarray]  # by number of links and distance
 MEASURES = {"mean position error": mean_position_error, "drift": joint_drift}  # Eqs. 23 and 25
 GOALS = 0.005, 0.03  # of the oracle's, for w ≥ 0.5 and three links
 WARM = 20  # generations, a tenth of the paper's
@@ -132,14 +136,23 @@ def oracle_rows(loops: Sequence[CellLoop]) -> list[Row]:
     return rows
 
 
-def spread_rows(starts: dict[tuple[int, float], np.ndarray], *, seeds: int = SEEDS, steps: int = SHORT) -> list[Row]:
+def spread_rows(
+    starts: Starts, *, seeds: int = SEEDS, steps: int = SHORT, executor: Executor | None = None
+) -> list[Row]:
     """Return how four links spread over seeds, beside the oracle."""
-    rows = []
-    for (links, distance), start in starts.items():
-        cell = Cell(links=4, distance=distance, blocked=False, weight=0.5)
-        if links != 4:
-            continue
-        loops = [follow(cell, start, steps=steps, seed=seed) for seed in range(seeds)]
+    cells = {
+        Cell(links=4, distance=distance, blocked=False, weight=0.5): start
+        for (links, distance), start in starts.items()
+        if links == 4
+    }
+    calls = {
+        (cell.row, f"seed {seed}"): partial(follow, cell, start, steps=steps, seed=seed)
+        for cell, start in cells.items()
+        for seed in range(seeds)
+    }
+    results, rows = run_each(executor, calls), []
+    for cell in cells:
+        loops = [results[cell.row, f"seed {seed}"] for seed in range(seeds)]
         for what, measure in MEASURES.items():
             values = [float(measure(one.run.motion)) for one in loops]
             low, middle, high = np.quantile(values, [0.25, 0.5, 0.75])
@@ -158,30 +171,30 @@ def spread_rows(starts: dict[tuple[int, float], np.ndarray], *, seeds: int = SEE
     return rows
 
 
-def warm_rows(starts: dict[tuple[int, float], np.ndarray], *, seed: int, steps: int = SHORT) -> list[Row]:
+def warm_rows(starts: Starts, *, seed: int, steps: int = SHORT, executor: Executor | None = None) -> list[Row]:
     """Return what it does to begin each search with the population of the step before, beside the paper's restarts."""
-    rows = []
+    calls, rows = {}, []
     for (links, distance), start in starts.items():
         cell = Cell(links=4 if links == 4 else 3, distance=distance, blocked=False, weight=0.5)
-        loops = {
-            (warm, generations): follow(cell, start, steps=steps, seed=seed, generations=generations, warm_start=warm)
-            for warm, generations in ((False, 200), (False, WARM), (True, WARM))
-        }
-        for (warm, generations), one in loops.items():
+        for warm, generations in ((False, 200), (False, WARM), (True, WARM)):
             setting = f"{'warm starts' if warm else 'random restarts'}, {generations} generations"
-            for _, what, unit, ours, exact in cell_measures(one):
-                rows.append(
-                    Row(
-                        table=f"warm starts, w = 0.5, {steps} steps, beside the oracle",
-                        row=f"{cell.arm}, r = {distance}: {setting}",
-                        column=what,
-                        unit=unit,
-                        ours=ours,
-                        reference=exact,
-                        source="exact steps",
-                        note=f"{100 * (ours / exact - 1):+.2f} %",
-                    )
+            calls[f"{cell.arm}, r = {distance}", setting] = partial(
+                follow, cell, start, steps=steps, seed=seed, generations=generations, warm_start=warm
+            )
+    for (name, setting), one in run_each(executor, calls).items():
+        for _, what, unit, ours, exact in cell_measures(one):
+            rows.append(
+                Row(
+                    table=f"warm starts, w = 0.5, {steps} steps, beside the oracle",
+                    row=f"{name}: {setting}",
+                    column=what,
+                    unit=unit,
+                    ours=ours,
+                    reference=exact,
+                    source="exact steps",
+                    note=f"{100 * (ours / exact - 1):+.2f} %",
                 )
+            )
     return rows
 
 

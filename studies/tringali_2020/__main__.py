@@ -1,10 +1,13 @@
-"""The command: ``python -m studies.tringali_2020 [--quick] [--json FILE] [--out FOLDER]``."""
+"""The command: ``python -m studies.tringali_2020 [--quick] [--json FILE] [--out FOLDER] [--cluster ADDRESS]``."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import partial
 
+from paretoik.distribution import Executor
+from studies.processes import run_each, workers_of
 from studies.reporting import Row, report, study_parser, tell
 from studies.tringali_2020.candidates import Decline, declines, figure_1
 from studies.tringali_2020.pictures import draw
@@ -15,6 +18,7 @@ from studies.tringali_2020.trade_off import TradeOff, figure_14, solve_trade_off
 from studies.tringali_2020.validation import bound_row, match_optima, table_4
 
 FINE = 0.006  # rad: of the grid oracle's nodes
+FINER = "simulation 1, more samples"
 
 
 def run_study(
@@ -26,43 +30,50 @@ def run_study(
     finer: int | None,
     bounded: bool = True,
     rehearsed: bool = True,
+    executor: Executor | None = None,
 ) -> tuple[list[Row], dict[str, list[Simulation]], list[Decline], list[TradeOff]]:
     """Return all rows, and what the pictures show: simulations, declines and trade-offs of both arms.
 
     ``starts`` a plan, ``points`` of the front, so many ``candidates`` of so many ``seeds`` for Figure 1, and a number
     of samples to which Table 4 is repeated. ``bounded``, all motions are bounded from below, on a fine grid.
-    ``rehearsed``, times are taken with everything compiled.
+    ``rehearsed``, times are taken with everything compiled. Without an executor this process computes, as times tell.
     """
-
-    def plan(number: int, masses: str, samples: int | None = None) -> Simulation:
-        tell(f"simulation {number}, {masses} masses" + (f", {samples} samples" if samples else ""))
-        return simulate(number, masses, starts=starts, samples=samples, rehearsed=rehearsed)
-
-    simulations = {masses: [plan(number, masses) for number in NUMBERS] for masses in MASSES}
+    plan = partial(simulate, starts=starts, rehearsed=rehearsed)
+    tell("simulations")
+    plans = {(masses, f"simulation {k}"): partial(plan, k, masses) for masses in MASSES for k in NUMBERS}
+    if finer is not None:
+        plans |= {(masses, FINER): partial(plan, 1, masses, samples=finer) for masses in MASSES}
+    planned = run_each(executor, plans)
+    simulations = {masses: [planned[masses, f"simulation {k}"] for k in NUMBERS] for masses in MASSES}
     names = match_optima(simulations["fitted"][0])
-    rows: list[Row] = []
-    for first, *_ in simulations.values():
-        repeated = None if finer is None else plan(1, first.masses, finer)
-        tell(f"Table 4, {first.masses} masses")
-        rows += table_4(first, names, repeated)
-        if bounded:
-            tell(f"a bound on all motions, {first.masses} masses")
-            rows.append(bound_row(first, resolution=FINE))
+    tell("Table 4")
+    tables_4 = {
+        (masses,): partial(table_4, own[0], names, planned.get((masses, FINER))) for masses, own in simulations.items()
+    }
+    rows = _all(run_each(executor, tables_4))
+    if bounded:
+        tell("bounds on all motions")
+        bounds = {(masses,): partial(bound_row, own[0], resolution=FINE) for masses, own in simulations.items()}
+        rows += run_each(executor, bounds).values()
     rows += [row for pair in zip(*simulations.values(), strict=True) for one in pair for row in tables(one)]
-    for masses, own in simulations.items():
-        rows += motion_rows(own)
-        tell(f"a line of 0.40 m, {masses} masses")
-        rows += line_rows(own, starts=starts)
-    rows += published_rows(simulations["fitted"])  # its candidates know no masses
+    rows += [row for own in simulations.values() for row in motion_rows(own)]
+    tell("a line of 0.40 m")
+    rows += _all(run_each(executor, {(m,): partial(line_rows, own, starts=starts) for m, own in simulations.items()}))
+    tell("the search as published")
+    rows += published_rows(simulations["fitted"], executor=executor)  # its candidates know no masses
     tell(f"Figure 1, {seeds} seeds")
-    decline_curves = declines(count=candidates, seeds=seeds)
+    decline_curves = declines(count=candidates, seeds=seeds, executor=executor)
     rows += [row for decline in decline_curves for row in figure_1(decline)]
-    trades = []
-    for masses, own in simulations.items():
-        tell(f"Figure 14, {masses} masses")
-        trades.append(solve_trade_off(masses, points=points, starts=starts, rehearsed=rehearsed))
-        rows += figure_14(trades[-1]) + sweep_rows(own, trades[-1], points=points)
-    return rows, simulations, decline_curves, trades
+    tell("Figure 14")
+    fronts = {(m,): partial(solve_trade_off, m, points=points, starts=starts, rehearsed=rehearsed) for m in MASSES}
+    trades = list(run_each(executor, fronts).values())
+    rows += [row for trade in trades for row in figure_14(trade)]
+    sweeps = {(each.masses,): partial(sweep_rows, simulations[each.masses], each, points=points) for each in trades}
+    return rows + _all(run_each(executor, sweeps)), simulations, decline_curves, trades
+
+
+def _all(rows: Mapping[tuple[str], list[Row]]) -> list[Row]:
+    return [row for several in rows.values() for row in several]
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -71,11 +82,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
         "Tringali & Cocuzza 2020.",
         quick="24 starts, no bound, 8 points of the front, 3 seeds of Figure 1",
         out="tringali_2020",
+        cluster="simulations, bounds, published searches, seeds of Figure 1, fronts and sweeps",
     ).parse_args(arguments)
-    if options.quick:
-        results = run_study(starts=24, points=8, candidates=3000, seeds=3, finer=None, bounded=False)
-    else:
-        results = run_study(starts=48, points=20, candidates=round(10**4.5), seeds=12, finer=401)
+    with workers_of(options.cluster) as executor:
+        run = partial(run_study, executor=executor)
+        if options.quick:
+            results = run(starts=24, points=8, candidates=3000, seeds=3, finer=None, bounded=False)
+        else:
+            results = run(starts=48, points=20, candidates=round(10**4.5), seeds=12, finer=401)
     rows, simulations, decline_curves, trades = results
     names = match_optima(simulations["fitted"][0])
     report(rows, json_file=options.json)

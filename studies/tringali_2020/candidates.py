@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from jaxtyping import Float, Int
 
 import paretoik as pk
+from paretoik.distribution import Executor
 from paretoik.self_motion.motion_starts import rollout_starts
+from studies.processes import run_each
 from studies.reporting import Row
 from studies.tringali_2020.reported import LOW, beside, paper
 from studies.tringali_2020.simulations import MASSES, as_printed, with_arm
@@ -36,15 +39,11 @@ class Decline:
         return lines
 
 
-def declines(*, count: int, seeds: int) -> list[Decline]:
+def declines(*, count: int, seeds: int, executor: Executor | None = None) -> list[Decline]:
     """Return the decline with up to so many candidates for each arm; both weigh the same roll-outs."""
-    problems = {masses: with_arm(as_printed("simulation_1"), masses, SAMPLES) for masses in MASSES}
-    best = {masses: pk.plan(problem).best.objective for masses, problem in problems.items()}
-    lowest: dict[str, list[np.ndarray]] = {masses: [] for masses in MASSES}
-    for seed in range(seeds):
-        q = rollout_starts(problems["fitted"].task, count, np.random.default_rng(seed))
-        for masses, problem in problems.items():
-            lowest[masses].append(np.minimum.accumulate(pk.kinetic_energy(problem.task.motion(q))))
+    best = {masses: pk.plan(_problem(masses)).best.objective for masses in MASSES}
+    found = run_each(executor, {(f"seed {seed}",): partial(lowest_costs, count, seed) for seed in range(seeds)})
+    lowest = {masses: [costs[masses] for costs in found.values()] for masses in MASSES}
     fewest = min(len(costs) for costs in lowest["fitted"])
     counts = np.unique(np.geomspace(1, fewest, POINTS).round().astype(int))
     return [
@@ -56,6 +55,16 @@ def declines(*, count: int, seeds: int) -> list[Decline]:
         )
         for masses in MASSES
     ]
+
+
+def lowest_costs(count: int, seed: int) -> dict[str, Float[np.ndarray, " candidates"]]:
+    """Return by masses the least cost [J s] of the first candidate, of the first two, and so on."""
+    q = rollout_starts(_problem("fitted").task, count, np.random.default_rng(seed))
+    return {masses: np.minimum.accumulate(pk.kinetic_energy(_problem(masses).task.motion(q))) for masses in MASSES}
+
+
+def _problem(masses: str) -> pk.Tracking:
+    return with_arm(as_printed("simulation_1"), masses, SAMPLES)
 
 
 def figure_1(decline: Decline) -> list[Row]:

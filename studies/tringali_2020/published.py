@@ -15,11 +15,13 @@ from collections import Counter
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from jaxtyping import Float
 
 import paretoik as pk
+from paretoik.distribution import Executor
 from paretoik.nlp.solutions import Solutions
 from paretoik.self_motion.branches import branch_labels
 from paretoik.self_motion.motion_starts import rollout_starts
@@ -28,6 +30,7 @@ from paretoik.task.retraction import relative_errors, retract_nearest, row_space
 from paretoik.trajectory.levels import objective_scales, refine_levels
 from paretoik.trajectory.transcription import motion_program
 from problems import tringali_2021
+from studies.processes import run_each
 from studies.reporting import Row, tell
 from studies.tringali_2020.reported import paper
 from studies.tringali_2020.simulations import THEIRS, Simulation
@@ -127,8 +130,26 @@ def search_as_published(
     )
 
 
-def published_rows(simulations: Sequence[Simulation], *, seed: int = 0, options: SearchOptions = OPTIONS) -> list[Row]:
-    """Return what the published search finds of the optima of each simulation's plan, and its seconds."""
+def published_rows(
+    simulations: Sequence[Simulation],
+    *,
+    seed: int = 0,
+    options: SearchOptions = OPTIONS,
+    executor: Executor | None = None,
+) -> list[Row]:
+    """Return what the published search finds of the optima of each simulation's plan, and its seconds.
+
+    On an executor every simulation makes its candidates anew: to send them takes as long.
+    """
+    groups = [simulations] if executor is None else [[one] for one in simulations]
+    calls = {
+        tuple(one.name for one in group): partial(_published_rows, group, seed=seed, options=options)
+        for group in groups
+    }
+    return [row for rows in run_each(executor, calls).values() for row in rows]
+
+
+def _published_rows(simulations: Sequence[Simulation], *, seed: int, options: SearchOptions) -> list[Row]:
     rows, drawn = [], dict[bool, tuple[np.ndarray, float]]()
     for simulation in simulations:
         task = simulation.problem.task

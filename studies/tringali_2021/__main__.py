@@ -1,15 +1,17 @@
-"""The command: ``python -m studies.tringali_2021 [--quick] [--json FILE] [--out FOLDER]``."""
+"""The command: ``python -m studies.tringali_2021 [--quick] [--json FILE] [--out FOLDER] [--cluster ADDRESS]``."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from functools import partial
 from importlib.util import find_spec
 
+from studies.processes import processes, run_each
 from studies.reporting import Row, report, study_parser, tell
 from studies.tringali_2021.circles import circle_row
 from studies.tringali_2021.pictures import draw
-from studies.tringali_2021.readings import READINGS, reading_row
+from studies.tringali_2021.readings import READINGS, named_reading_row
 from studies.tringali_2021.real_time import real_time_rows
 from studies.tringali_2021.splines import AHEAD, spline_rows
 from studies.tringali_2021.trajectories import (
@@ -35,6 +37,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         quick="8 starts of the global method, no bound, 1 round of timing, one schedule searched, splines of 3 pieces, "
         f"{len(QUICK_READINGS)} of {len(READINGS)} readings",
         out="tringali_2021",
+        cluster="the bound, readings, splines and schedules",
     ).parse_args(arguments)
     quick = options.quick
     starts, rounds, generations = (8, 1, 5) if quick else (48, 5, 30)
@@ -42,20 +45,23 @@ def main(arguments: Sequence[str] | None = None) -> None:
     rows = [row for one in trajectories for row in table_5(one)]
     for masses in MASSES:
         rows += other_way_rows(masses)
-    if not quick:
-        tell("a bound on all motions along trajectory 4")
-        rows.append(lower_bound_row(4, "fitted"))
     rows += [row for one in trajectories for row in text_rows(one)] + singularity_rows(trajectories)
     tell("trajectory 2 along other circles")
     rows.append(circle_row("fitted"))
-    for reading in QUICK_READINGS if quick else READINGS:
-        tell(f"reading: {reading.name}")
-        rows.append(reading_row(reading, "fitted"))
-    tell("splines through more samples ahead")
-    rows += spline_rows("fitted", ahead=AHEAD[:1] if quick else AHEAD)
-    for number in (3,) if quick else NUMBERS:
-        tell(f"trajectory {number}: a schedule searched for")
-        rows += schedule_rows(number, "fitted", starts=starts, generations=generations)
+    with processes(options.cluster) as executor:
+        tell("other readings" if quick else "other readings, and a bound on all motions along trajectory 4")
+        single = {} if quick else {("bound", "trajectory 4"): partial(lower_bound_row, 4, "fitted")}
+        for each in QUICK_READINGS if quick else READINGS:
+            single["reading", each.name] = partial(named_reading_row, each.name, "fitted")
+        rows += run_each(executor, single).values()
+        tell("splines through more samples ahead")
+        rows += spline_rows("fitted", ahead=AHEAD[:1] if quick else AHEAD, executor=executor)
+        tell("schedules searched for")
+        schedules = {
+            (f"trajectory {number}",): partial(schedule_rows, number, "fitted", starts=starts, generations=generations)
+            for number in ((3,) if quick else NUMBERS)
+        }
+        rows += [row for several in run_each(executor, schedules).values() for row in several]
     tell("updates beside SLSQP's")
     rows += real_time_rows(rounds=rounds) + _window_rows(rounds)
     report(rows, json_file=options.json)

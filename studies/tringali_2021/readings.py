@@ -148,6 +148,11 @@ READINGS = (  # the first few are the quick study's: those that come near
 )
 
 
+def named_reading_row(name: str, masses: str) -> Row:
+    """Return the row of a reading: by name so that it can be in another process."""
+    return reading_row(next(each for each in READINGS if each.name == name), masses)
+
+
 def reading_row(reading: Reading, masses: str, *, numbers: tuple[int, ...] = NUMBERS) -> Row:
     """Return how far the energy farthest from Table 5 is off by a reading, and in words all energies and speeds."""
     motions = {f"trajectory {number}": reading.resolve(number, masses) for number in numbers}

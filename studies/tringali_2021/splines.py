@@ -17,11 +17,13 @@ from jaxtyping import Float
 from scipy.interpolate import make_interp_spline
 
 import paretoik as pk
+from paretoik.distribution import Executor
 from paretoik.resolution.follow import TRACKING_TOLERANCE
 from paretoik.resolution.horizon import DEGREE, quartic_spline
 from paretoik.resolution.predictive import follow_predictively
 from problems import tringali_2021
 from problems.tringali_2021 import START
+from studies.processes import run_each
 from studies.reporting import Row
 from studies.tringali_2021.trajectories import NUMBERS, arm_of
 
@@ -67,12 +69,19 @@ def spline_energies(
     return np.array([[energy(*setting, spline) for spline in SPLINES.values()] for setting in product(ahead, STEPS)])
 
 
-def spline_rows(masses: str, *, numbers: tuple[int, ...] = NUMBERS, ahead: tuple[int, ...] = AHEAD) -> list[Row]:
+def spline_rows(
+    masses: str,
+    *,
+    numbers: tuple[int, ...] = NUMBERS,
+    ahead: tuple[int, ...] = AHEAD,
+    executor: Executor | None = None,
+) -> list[Row]:
     """Return how far each spline's energy is above the best of the three, along each trajectory and all of them."""
-    above = dict[str, np.ndarray]()
-    for number in numbers:
-        energies = spline_energies(number, masses, ahead=ahead)
-        above[f"trajectory {number}"] = 100 * (energies / energies.min(axis=1, keepdims=True) - 1)
+    calls = {(f"trajectory {number}",): partial(spline_energies, number, masses, ahead=ahead) for number in numbers}
+    above = {
+        name: 100 * (energies / energies.min(axis=1, keepdims=True) - 1)
+        for (name,), energies in run_each(executor, calls).items()
+    }
     above["all"] = np.concatenate(list(above.values()))
     settings = f"h = {', '.join(map(str, ahead))}, each with ΔT = {' and '.join(f'{step:g} s' for step in STEPS)}"
     choice = "; the library's: its worst is the least" if above["all"].max(axis=0).argmin() == 0 else ""

@@ -1,10 +1,11 @@
-"""The command: ``python -m studies.wan_2018 [--quick] [--json FILE] [--out FOLDER]``."""
+"""The command: ``python -m studies.wan_2018 [--quick] [--json FILE] [--out FOLDER] [--cluster ADDRESS]``."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
 
+from studies.processes import processes
 from studies.reporting import report, study_parser, tell
 from studies.wan_2018.events import event_rows
 from studies.wan_2018.fronts import comparison_rows
@@ -16,16 +17,20 @@ from studies.wan_2018.tables import running_time_rows, speed_row, table_rows
 def main(arguments: Sequence[str] | None = None) -> None:
     """Report the paper's tables and events beside ours, and draw its figures."""
     options = study_parser(
-        "Wan et al. 2018.", quick="from 60 random postures instead of 1000, 3 seeds instead of 31", out="wan_2018"
+        "Wan et al. 2018.",
+        quick="from 60 random postures instead of 1000, 3 seeds instead of 31",
+        out="wan_2018",
+        cluster="quadratic programs from all starts and fronts of all seeds",
     ).parse_args(arguments)
-    population, rounds, seeds = (60, 3, 3) if options.quick else (1000, 15, 31)
-    tables = [resolve_table(table, population=population) for table in ("Table 2", "Table 3")]
+    population, rounds, seeds, generations = (60, 3, 3, 5) if options.quick else (1000, 15, 31, 15)
+    with processes(options.cluster) as executor:
+        tables = [resolve_table(table, population=population, executor=executor) for table in ("Table 2", "Table 3")]
+        fronts = comparison_rows(seeds=seeds, generations=generations, executor=executor)
     rows = [row for resolved in tables for row in table_rows(resolved)]
     tell("events of the figures")
     rows += event_rows(tables)
     rows += [row for resolved in tables for row in running_time_rows(resolved, rounds=rounds)]
-    rows.append(speed_row(rounds=rounds))
-    rows += comparison_rows(seeds=seeds, generations=5) if options.quick else comparison_rows(seeds=seeds)
+    rows += [speed_row(rounds=rounds), *fronts]
     report(rows, json_file=options.json)
     print(f"{len(draw(options.out, tables))} pictures in {options.out}", file=sys.stderr)
 

@@ -7,13 +7,16 @@ speed and roughness, over the ranges of the best of all, by the rules that peers
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import moocore
 import numpy as np
 from scipy.stats import bootstrap, mannwhitneyu
 
 import paretoik as pk
+from paretoik.distribution import Executor
 from problems import wan_2018
+from studies.processes import run_each
 from studies.reporting import Row, holm, tell
 
 FAMILIES = {"weighted": wan_2018.weighted_gains, "plain": wan_2018.plain_gains}
@@ -31,16 +34,24 @@ def search_front(family: str, seed: int, *, population: int, generations: int, j
     return np.asarray(front.objectives * signs)
 
 
-def comparison_rows(*, seeds: int, population: int = 24, generations: int = 15, judged_starts: int = 3) -> list[Row]:
+def comparison_rows(
+    *,
+    seeds: int,
+    population: int = 24,
+    generations: int = 15,
+    judged_starts: int = 3,
+    executor: Executor | None = None,
+) -> list[Row]:
     """Return indicators of both families' fronts, medians over seeds, and whether they differ."""
-    fronts: dict[str, list[np.ndarray]] = {family: [] for family in FAMILIES}
-    for seed in range(seeds):
-        for family in FAMILIES:
-            tell(f"front of {family}, {seed + 1} of {seeds} seeds")
-            front = search_front(
-                family, seed, population=population, generations=generations, judged_starts=judged_starts
-            )
-            fronts[family].append(_log_scale(front))
+    search = {"population": population, "generations": generations, "judged_starts": judged_starts}
+    searches = {
+        (family, f"seed {seed}"): partial(search_front, family, seed, **search)
+        for seed in range(seeds)
+        for family in FAMILIES
+    }
+    tell(f"fronts of {' and '.join(FAMILIES)}, {seeds} seeds")
+    results = run_each(executor, searches)
+    fronts = {family: [_log_scale(results[family, f"seed {seed}"]) for seed in range(seeds)] for family in FAMILIES}
     union = np.concatenate([front for each in fronts.values() for front in each])
     union = union[moocore.is_nondominated(union)]
     lower, upper = np.quantile(union, [LOW, 1 - HIGH], axis=0)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
 from functools import partial
 from typing import Literal
 
 import numpy as np
 
 import paretoik as pk
+from paretoik.distribution import Executor
 from paretoik.resolution.traces import ResolvedMotion
 from paretoik.self_motion.start_postures import sample_postures
 from paretoik.task.motion_task_validation import motion_task
@@ -23,6 +25,7 @@ from problems.wan_2018 import (
     REGION,
     REPULSION,
 )
+from studies.processes import run_each
 from studies.reporting import paper_numbers, tell
 
 AXES = {"x": "m", "y": "m", "z": "m", "α": "rad", "β": "rad", "γ": "rad"}
@@ -31,6 +34,7 @@ LIMITED = {
     "Table 2": {"QP, positions": pk.Limits(velocity=np.inf), "QP, velocities too": pk.Limits()},
     "Table 3": {"QP, velocities too": pk.Limits()},
 }
+CHUNK = 20  # starts of a program
 paper = partial(paper_numbers, "wan_2018")
 
 
@@ -117,15 +121,40 @@ def start_postures(path: pk.Path, count: int, *, seed: int = 0) -> np.ndarray:
     return np.asarray(turned[((turned >= lower) & (turned <= upper)).all(axis=1)])
 
 
-def resolve_table(table: str, *, population: int) -> Resolved:
-    """Return the motions of the paper's methods and of the quadratic program, its task's numbers the same."""
-    path = path_of(table)
-    starts = start_postures(path, population)
-    motions = {}
-    for name, (method, limits) in all_methods(table).items():
-        tell(f"{table}: {name} from {len(starts)} starts")
-        motions[name] = pk.resolve(pk.arms.wan_7r(), path, method, start=starts, limits=limits, unreachable="track")
+def resolve_table(table: str, *, population: int, executor: Executor | None = None) -> Resolved:
+    """Return the motions of the paper's methods and of the quadratic program, its task's numbers the same.
+
+    The program takes a hundred times as long as the others: some starts are a task.
+    """
+    starts = start_postures(path_of(table), population)
+    tell(f"{table}: {', '.join(paper_methods(table))} from {len(starts)} starts")
+    motions = {name: resolve_from(table, name, starts) for name in paper_methods(table)}
+    programs = {
+        (name, f"starts from {first}"): partial(resolve_from, table, name, starts[first : first + CHUNK])
+        for name in LIMITED[table]
+        for first in range(0, len(starts), CHUNK)
+    }
+    tell(f"{table}: {', '.join(LIMITED[table])} from {len(starts)} starts")
+    parts = run_each(executor, programs)
+    for name in LIMITED[table]:
+        motions[name] = join([part for (which, _), part in parts.items() if which == name])
     return Resolved(table=table, motions=motions)
+
+
+def resolve_from(table: str, name: str, starts: np.ndarray) -> ResolvedMotion:
+    """Return the motions of a method from starts; by names so that it can be in another process."""
+    method, limits = all_methods(table)[name]
+    return pk.resolve(pk.arms.wan_7r(), path_of(table), method, start=starts, limits=limits, unreachable="track")
+
+
+def join(parts: Sequence[ResolvedMotion]) -> ResolvedMotion:
+    """Return motions of one task, in batches (motions, time, dof), as one batch."""
+    first = parts[0]
+    traces = {
+        each.name: np.concatenate([getattr(part.traces, each.name) for part in parts]) for each in fields(first.traces)
+    }
+    time, q = (np.concatenate([getattr(part, name) for part in parts]) for name in ("time", "q"))
+    return replace(first, time=time, q=q, traces=type(first.traces)(**traces))
 
 
 def worst_errors(motion: ResolvedMotion) -> np.ndarray:

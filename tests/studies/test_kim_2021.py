@@ -262,6 +262,6 @@ def test_races_have_both_sides(trajectories):
 def test_pictures_are_drawn_and_rows_written(corners, trajectories, ways, tmp_path, monkeypatch):
     assert len(draw(tmp_path / "pictures", corners, trajectories, ways)) == 4
     rows = polygon_rows(corners)
-    monkeypatch.setattr(study, "run_study", lambda effort, folder: (rows, []))
+    monkeypatch.setattr(study, "run_study", lambda effort, folder, executor: (rows, []))
     study.main(["--quick", "--json", str(tmp_path / "rows.json"), "--out", str(tmp_path / "drawn")])
     assert len(json.loads((tmp_path / "rows.json").read_text())) == len(rows)

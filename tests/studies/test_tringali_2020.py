@@ -52,7 +52,7 @@ def study():
     """Study in short."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(command, "bound_row", lambda simulation, **_: bound_row(simulation, resolution=0.06))
-        patch.setattr(command, "published_rows", lambda simulations: published_rows(simulations, options=FEW))
+        patch.setattr(command, "published_rows", lambda one, executor: published_rows(one, options=FEW))
         return Study(*command.run_study(starts=12, points=3, candidates=300, seeds=2, finer=None, rehearsed=False))
 
 

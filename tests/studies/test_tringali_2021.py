@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import nullcontext
 from math import comb
 
 import numpy as np
@@ -245,7 +246,8 @@ def test_pictures_are_drawn_and_rows_written(trajectories, tmp_path, monkeypatch
     monkeypatch.setattr(study, "resolve_trajectory", lambda number, masses, **_: trajectories[number - 1])
     for slow in ("real_time_rows", "schedule_rows", "spline_rows", "other_way_rows", "_window_rows"):
         monkeypatch.setattr(study, slow, lambda *_, **__: [])
-    for slow in ("circle_row", "reading_row"):
+    monkeypatch.setattr(study, "processes", lambda _: nullcontext())
+    for slow in ("circle_row", "named_reading_row"):
         monkeypatch.setattr(study, slow, lambda *_, **__: Row(table="", row="", column="", unit="", ours=0.0))
     study.main(["--quick", "--json", str(tmp_path / "rows.json"), "--out", str(tmp_path / "drawn")])
     rows = json.loads((tmp_path / "rows.json").read_text())

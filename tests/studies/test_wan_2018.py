@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import nullcontext
 from functools import cache
 
 import numpy as np
@@ -132,6 +133,7 @@ def test_the_command_writes_rows(tmp_path, monkeypatch):
     for name in ("table_rows", "event_rows", "running_time_rows", "draw"):
         monkeypatch.setattr(study, name, lambda *_, **__: [])
     monkeypatch.setattr(study, "resolve_table", lambda *_, **__: None)
+    monkeypatch.setattr(study, "processes", lambda _: nullcontext())
     monkeypatch.setattr(study, "comparison_rows", lambda **_: [])
     monkeypatch.setattr(study, "speed_row", lambda rounds: speed_row(rounds=1))
     study.main(["--quick", "--json", str(tmp_path / "rows.json")])

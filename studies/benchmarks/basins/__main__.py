@@ -1,6 +1,7 @@
 """How surely the best optimum is found: our plan beside multi-starts of IPOPT and FATROP; losses first.
 
-    python -m studies.benchmarks.basins [--quick] [--problems TEXT ...] [--seed N] [--seeds N] [--json FILE]
+    python -m studies.benchmarks.basins [--quick] [--problems TEXT ...] [--seed N] [--seeds N] [--cluster ADDRESS]
+                                       [--json FILE]
 
 Sixty problems drawn from a seed: planar 4R to 6R arms, a rail with a planar 3R arm, random 7R arms, UR10, iiwa and
 Panda, with position, axis and full pose tasks, along lines and round circles, for kinetic energy, torque norm and, of
@@ -17,19 +18,22 @@ with --json the rows so far are written; the tables come at the end. Twenty seed
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 from studies.benchmarks.basins.cases import all_cases
-from studies.benchmarks.basins.racing import Race, race
+from studies.benchmarks.basins.racing import Race, race_named
 from studies.benchmarks.basins.tables import table_rows
+from studies.processes import each_result, workers_of
 from studies.reporting import report, save_rows, study_parser, tell
 
 SEEDS, QUICK_SEEDS = 20, 2
 QUICK = 4  # problems
+LIMIT = 4 * 3600.0  # s for a problem, which takes minutes; with a limit a cluster's workers compute in a process apart
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the benchmark."""
-    parser = study_parser(__doc__, quick="four problems, two seeds")
+    parser = study_parser(__doc__, quick="four problems, two seeds", cluster="each problem's race")
     parser.add_argument("--problems", nargs="+", metavar="TEXT", help="only problems whose names contain one of these")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--seeds", type=int, help="plans of each problem")
@@ -39,12 +43,16 @@ def main(arguments: Sequence[str] | None = None) -> None:
         cases = [case for case in cases if any(text in case.name for text in options.problems)]
     if options.quick:
         cases = cases[:QUICK]
-    races = list[Race]()
-    for case in cases:
-        races.append(race(case, seeds=options.seeds or (QUICK_SEEDS if options.quick else SEEDS)))
-        tell(races[-1].summary)
-        if options.json is not None:
-            save_rows(table_rows(races), options.json)
+    seeds = options.seeds or (QUICK_SEEDS if options.quick else SEEDS)
+    calls = {(case.name,): partial(race_named, case.name, seed=options.seed, seeds=seeds) for case in cases}
+    races, done = list[Race](), dict[tuple[str], Race]()
+    with workers_of(options.cluster) as executor:
+        for name, one in each_result(executor, calls, limit=LIMIT):
+            done[name] = one
+            races = [done[each] for each in calls if each in done]
+            tell(one.summary)
+            if options.json is not None:
+                save_rows(table_rows(races), options.json)
     report(table_rows(races), json_file=options.json)
 
 

@@ -18,7 +18,7 @@ from paretoik.errors import ParetoikError
 from paretoik.self_motion.motion_starts import rollout_starts
 from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.plan_starts import sample_starts
-from studies.benchmarks.basins.cases import Case
+from studies.benchmarks.basins.cases import Case, all_cases
 from studies.benchmarks.certified.dominating import led_back, objectives, violation
 from studies.benchmarks.certified.staged import StagedProgram, staged_program
 from studies.benchmarks.fronts.programs import JointProgram, joint_program
@@ -98,6 +98,11 @@ class Race:
             f"({self.ours.best / self.best - 1:.1e} worse), {hits}, {sum(self.ours.seconds):.1f} s, "
             f"time ratio {self.time_ratio:.2g}"
         )
+
+
+def race_named(name: str, *, seed: int, seeds: int) -> Race:
+    """Return what became of the problem of a name, drawn from a seed: by name so that it can be in another process."""
+    return race(next(case for case in all_cases(seed) if case.name == name), seeds=seeds)
 
 
 def race(case: Case, *, seeds: int) -> Race:

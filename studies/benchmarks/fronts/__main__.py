@@ -1,6 +1,6 @@
 """What MaxiMin, seeding and refinement each add to a front, and whole fronts beside peers'; losses first.
 
-    python -m studies.benchmarks.fronts [--quick] [--seeds N] [--problems NAME ...] [--json FILE]
+    python -m studies.benchmarks.fronts [--quick] [--seeds N] [--problems NAME ...] [--cluster ADDRESS] [--json FILE]
 
 All eight cells of a factorial (selection by MaxiMin or pymoo's crowding; seeded or random start; refined or not), ours
 whole (as ``pk.solve`` with and without ``refine``), pymoo's NSGA-II, NSGA-III and SMS-EMOA, pygmo's NSGA-II and MOEA/D
@@ -31,7 +31,6 @@ from studies.benchmarks.fronts.judging import (
 from studies.benchmarks.fronts.methods import PYGMO
 from studies.benchmarks.fronts.running import KINDS, Found, run_all
 from studies.benchmarks.planner.compiling import COMPILER
-from studies.benchmarks.processes import CLUSTER
 from studies.benchmarks.significance import union
 from studies.reporting import Row, report, study_parser
 
@@ -75,11 +74,12 @@ def tell_left_out(chosen: Sequence[str]) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the benchmark from the command line."""
-    parser = study_parser(__doc__, quick="two problems, few evaluations, 3 seeds")
+    parser = study_parser(
+        __doc__, quick="two problems, few evaluations, 3 seeds", cluster="all runs (they see this machine's files)"
+    )
     parser.add_argument("--seeds", type=int, help="runs of each method (31; 3 with --quick)")
     parser.add_argument("--problems", nargs="+", choices=list(CASES), metavar="NAME", help="only these problems")
     parser.add_argument("--evaluations", type=int, help="equal evaluations, in place of each problem's own")
-    parser.add_argument("--cluster", metavar="ADDRESS", help=f"{CLUSTER}; its workers see this machine's files")
     options = parser.parse_args(arguments)
     seeds = options.seeds if options.seeds is not None else 3 if options.quick else 31
     if seeds < 2:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, TypeAlias
@@ -15,7 +15,7 @@ from studies.benchmarks.fronts.cases import CASES, POPULATION, Budget, Kind, Run
 from studies.benchmarks.fronts.methods import CELLS, OURS, PLAIN, PYGMO, PYMOO, cell_run, ours, pygmo_run, pymoo_run
 from studies.benchmarks.fronts.sweeps import OURS as EPSILON
 from studies.benchmarks.fronts.sweeps import SOLVERS, Form, epsilon_run, form_of
-from studies.benchmarks.processes import processes, rotated, run_each, run_seeds
+from studies.processes import processes, rotated, run_each, run_seeds
 from studies.reporting import tell
 
 Found: TypeAlias = dict[tuple[str, Kind], dict[str, list[Run]]]  # runs of every seed by method, case and budget
@@ -93,8 +93,8 @@ def empty_run(case: str) -> Run:
 
 
 def _forms(executor: Executor, chosen: Sequence[str], folder: Path | None) -> dict[tuple[str, str], Form]:
-    builds = {(case, name): [name, case, folder] for case in chosen for name in methods_of(case) if name in SOLVERS}
-    forms = run_each(executor, form_of, builds)
+    names = [(case, name) for case in chosen for name in methods_of(case) if name in SOLVERS]
+    forms = run_each(executor, {(case, name): partial(form_of, name, case, folder) for case, name in names})
     tell("peers: built")
     return forms
 
@@ -103,8 +103,9 @@ def _budgets(executor: Executor, case: str, evaluations: int, kinds: Sequence[Ki
     same = Budget(kind="evaluations", amount=evaluations)
     budgets: dict[Kind, Budget] = {"evaluations": same}
     if "CPU time" in kinds:
-        runs = {(PYMOO[0], case, f"seed {seed}"): [case, PYMOO[0], seed, same, evaluations] for seed in range(3)}
-        taken = [done.seconds for done in run_each(executor, run, runs).values()]
+        name = PYMOO[0]
+        runs = {(name, case, f"seed {seed}"): partial(run, case, name, seed, same, evaluations) for seed in range(3)}
+        taken = [done.seconds for done in run_each(executor, runs).values()]
         budgets["CPU time"] = Budget(kind="CPU time", amount=float(np.median(taken)))
         tell(f"{case}: {evaluations} evaluations, {budgets['CPU time'].amount:.2f} s")
     return budgets

@@ -1,7 +1,7 @@
 """MaxiMin beside pymoo's algorithms: same evaluations, same first populations, seeds interleaved; losses first.
 
     python -m studies.benchmarks.maximin [--quick] [--goals | --peers NAME ...] [--seeds N] [--problems NAME ...]
-                                         [--runs FOLDER] [--fronts FOLDER] [--json FILE]
+                                         [--runs FOLDER] [--fronts FOLDER] [--cluster ADDRESS] [--json FILE]
 
 Ours twice: ``MaxiMinNSGA2``, and pymoo's own NSGA-II with our survival, ``NSGA2(survival=MaxiMin())``; between these
 two only the mating differs. Peers are as pymoo ships them: NSGA-II with crowding, and with its crowding "pcd" (two
@@ -33,7 +33,6 @@ from studies.benchmarks.maximin.cases import BIOBJECTIVE, COCO, Case, cases
 from studies.benchmarks.maximin.interleaved_runs import run_all
 from studies.benchmarks.maximin.judging import comparison_rows, cost_rows, goal_rows, judge
 from studies.benchmarks.maximin.methods import CROWDING, HYPERVOLUME, LEFT_OUT
-from studies.benchmarks.processes import CLUSTER
 from studies.benchmarks.pymoo_peers import PEERS
 from studies.reporting import report, study_parser
 
@@ -64,7 +63,7 @@ def tell_left_out(chosen: Sequence[Case], *, quick: bool) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the benchmark from the command line."""
-    parser = study_parser(__doc__, quick="five problems, few generations, 11 seeds")
+    parser = study_parser(__doc__, quick="five problems, few generations, 11 seeds", cluster="all runs")
     parser.add_argument("--seeds", type=int, help="runs of each method (31; 11 with --quick)")
     parser.add_argument("--problems", nargs="+", default=[], metavar="NAME", help="only these problems or families")
     beside = parser.add_mutually_exclusive_group()
@@ -72,7 +71,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     beside.add_argument("--peers", nargs="+", choices=PEERS, metavar="NAME", help=f"some of {', '.join(PEERS)} alone")
     parser.add_argument("--fronts", type=Path, metavar="FOLDER", help="keep the union fronts here and add to them")
     parser.add_argument("--runs", type=Path, metavar="FOLDER", help="keep every run here, and read what is there")
-    parser.add_argument("--cluster", metavar="ADDRESS", help=CLUSTER)
     options = parser.parse_args(arguments)
     seeds = options.seeds if options.seeds is not None else (11 if options.quick else 31)
     if seeds < 2:

@@ -12,7 +12,7 @@ from studies.benchmarks.maximin.cases import POPULATION, Case
 from studies.benchmarks.maximin.methods import methods_of
 from studies.benchmarks.maximin.single_run import Run, run_once
 from studies.benchmarks.maximin.stored_runs import load_run, save_run, stored_run
-from studies.benchmarks.processes import processes, rotated, run_seeds
+from studies.processes import processes, rotated, run_seeds
 
 LIMIT = 600.0  # seconds after which a run, which takes some ten, counts as one that found nothing
 

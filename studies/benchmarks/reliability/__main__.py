@@ -4,12 +4,12 @@
 
 Runs of the command line (a search, one with refinement, a plan, an ε-front, a refinement, a closed loop; but for plan
 and loop also with two worker processes and on a Dask cluster of two) are killed by SIGKILL, as often in every phase
-that they have (ask, evaluate, refine, what is between; write, rename and have on the disk), spread over all of it;
-every third is killed again as it goes on. What they come to is compared with a run that nobody killed, bit for bit, and
-so is every entry that a resumed run takes from its journal or adds to it. What was computed since the last entry is the
-work that a kill loses. Then a real journal is cut at every byte of its end and has bits flipped; and a search is run on
-disks from 4 kB to what it fills up in its course. The verifier is given good runs of every kind, and copies of them
-with a fault each.
+(ask, evaluate, refine, what is between; write, rename and have on the disk), each phase shared out among the runs that
+have it and spread over all of it; every third is killed again as it goes on. What they come to is compared with a run
+that nobody killed, bit for bit, and so is every entry that a resumed run takes from its journal or adds to it. What was
+computed since the last entry is the work that a kill loses. Then a real journal is cut at every byte of its end and has
+bits flipped; and a search is run on disks from 4 kB to what it fills up in its course. The verifier is given good runs
+of every kind, and copies of them with a fault each.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from __future__ import annotations
 import shutil
 import tempfile
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
@@ -43,7 +43,8 @@ from studies.benchmarks.reliability.kills import (
     run_killed,
     whole_run,
 )
-from studies.benchmarks.reliability.phases import FILE_PHASES, PHASES, Phase
+from studies.benchmarks.reliability.moments import Moment, spread_kills
+from studies.benchmarks.reliability.phases import PHASES
 from studies.benchmarks.reliability.verifier.counting import verifier_rows
 from studies.benchmarks.scaling.local_cluster import local_cluster
 from studies.reporting import Row, report, study_parser, tell
@@ -107,31 +108,24 @@ def _kill_rows(folder: Path, count: int, names: Sequence[str]) -> Iterator[Row]:
         whole_run("search", folder / "source", {})
         if any("--cluster" in COMMANDS[name] for name in names):
             replacements["CLUSTER"] = stack.enter_context(local_cluster(folder, OPTIONS.workers)).address
+        runs = list[WholeRun]()
         for name in names:
-            kills += _kills(name, folder, -(-count // len(names)), replacements)
-            yield from _rows(name, [each for each in kills if each.name == name])
+            runs.append(whole_run(name, folder / "whole", replacements))
+            shutil.rmtree(folder / "whole")
+            tell(f"{name}: whole, {runs[-1].seconds:.1f} s, {len(runs[-1].entries)} entries")
+        moments = spread_kills(runs, count, short=OPTIONS.short)
+        for run in runs:
+            kills += _kills(run, moments[run.name], folder)
+            yield from _rows(run.name, [each for each in kills if each.name == run.name])
     yield from _phase_rows(kills)
 
 
-def _kills(name: str, folder: Path, count: int, replacements: Mapping[str, str]) -> Iterator[Kill]:
-    run = whole_run(name, folder / "whole", replacements)
-    shutil.rmtree(folder / "whole")
-    tell(f"{name}: whole, {run.seconds:.1f} s, {len(run.entries)} entries")
-    for number, (phase, amount) in enumerate(_moments(run, count)):
+def _kills(run: WholeRun, moments: Sequence[Moment], folder: Path) -> Iterator[Kill]:
+    for number, (phase, amount) in enumerate(moments):
         again = amount / 2 if number % OPTIONS.twice == 0 else None
         killed = kill(run, phase, amount, folder / "killed", again=again)
-        tell(f"{name}: killed {number + 1} times, {phase} {amount:.3g}: {killed.outcome} {killed.cause}")
+        tell(f"{run.name}: {number + 1} of {len(moments)}, {phase} {amount:.3g}: {killed.outcome} {killed.cause}")
         yield killed
-
-
-def _moments(run: WholeRun, count: int) -> Iterator[tuple[Phase, float]]:
-    """Yield phases and amounts of kills, as many in every phase, spread evenly over all of it."""
-    phases = [phase for phase in PHASES if run.amounts.get(phase, 0.0) > OPTIONS.short]
-    rounds = -(-count // len(phases))
-    for number in range(count):
-        phase, share = phases[number % len(phases)], (number // len(phases) + 0.5) / rounds
-        amount = share * run.amounts[phase]
-        yield phase, 1 + int(amount) if phase in FILE_PHASES else amount
 
 
 def _phase_rows(kills: Sequence[Kill]) -> Iterator[Row]:

@@ -41,6 +41,7 @@ WORKERS = 2
 class ScalingOptions:
     """How much is computed: ``seeds`` of so many ``generations``, a plan of so many ``starts``, ``empty`` tasks.
 
+    The plan is of a path of so many ``samples``; alone it is done before and after that of the cluster, or ``once``.
     Waiting is fitted to two runs of tasks that ``sleep`` [s], ``fitted`` ones, and predicted for ``crowds`` of workers,
     each with so many ``rounds`` of tasks.
     """
@@ -48,6 +49,8 @@ class ScalingOptions:
     seeds: int = 64
     generations: int = 100
     starts: int = 512
+    samples: int = 51
+    once: bool = False
     empty: int = 2000
     sleep: float = 0.25
     fitted: tuple[int, int] = (8, 48)
@@ -56,7 +59,9 @@ class ScalingOptions:
 
 
 FULL = ScalingOptions()
-QUICK = ScalingOptions(seeds=4, generations=40, starts=16, empty=200, fitted=(4, 16), crowds=(8,), rounds=8)
+QUICK = ScalingOptions(
+    seeds=4, generations=30, starts=16, samples=26, once=True, empty=200, fitted=(4, 16), crowds=(4,), rounds=8
+)
 
 
 @contextmanager
@@ -71,10 +76,10 @@ def started(workers: int) -> Iterator[tuple[LocalCluster, Cluster]]:
         yield cluster, executor
 
 
-def warm_up(cluster: LocalCluster, executor: Cluster, generations: int) -> Iterator[Row]:
+def warm_up(cluster: LocalCluster, executor: Cluster, options: ScalingOptions) -> Iterator[Row]:
     """Let every worker load the library and what is compiled; yield what that takes."""
     with measuring(cluster) as spent:
-        executor.client.run(search, generations, 0)
+        executor.client.run(search, options.generations, 0)
     row = partial(Row, table="what a worker costs")
     yield row(
         row="warm-up",
@@ -83,7 +88,7 @@ def warm_up(cluster: LocalCluster, executor: Cluster, generations: int) -> Itera
         ours=spent.workers / WORKERS,
         note="library and compiled code from the disk, and a search",
     )
-    problem = panda_by_position()
+    problem = panda_by_position(options.samples)
     problem.program()
     shipped = pickled("a problem", problem)
     yield row(row="problem", column="shipped once", unit="kB", ours=len(shipped) / 1e3, note="a Panda's path")
@@ -107,7 +112,7 @@ def seeds(cluster: LocalCluster, executor: Cluster, options: ScalingOptions) -> 
 
 def starts(cluster: LocalCluster, executor: Cluster, options: ScalingOptions) -> Iterator[Row]:
     """Yield how a plan from so many starts on the cluster compares with that of one process, of one thread a core."""
-    problem = panda_by_position()
+    problem = panda_by_position(options.samples)
     redundancy = problem.task.redundancy
     run = partial(pk.plan, problem, starts=options.starts // redundancy, seed=0, observe=False)
     run()  # what is compiled is loaded
@@ -115,9 +120,11 @@ def starts(cluster: LocalCluster, executor: Cluster, options: ScalingOptions) ->
         alone = run()
     executor.options = replace(CLUSTER, portion=1.0, overhead=0.0)
     there, spent = run_there(executor, cluster, run)
-    with measuring(None) as after:
-        run()
-    mean = Spent(wall=(before.wall + after.wall) / 2, client=(before.client + after.client) / 2)
+    mean = before
+    if not options.once:
+        with measuring(None) as after:
+            run()
+        mean = Spent(wall=(before.wall + after.wall) / 2, client=(before.client + after.client) / 2)
     same = np.array_equal(motions_of(alone), motions_of(there))
     cores = os.cpu_count() or 1
     yield from compared(f"{options.starts} starts", mean, spent, options.starts, same * options.starts, cores=cores)
@@ -191,7 +198,7 @@ def rows(options: ScalingOptions) -> Sequence[Row]:
     done = list[Row]()
     with started(WORKERS) as (cluster, executor):
         for name, part in {
-            "warm-up": partial(warm_up, generations=options.generations),
+            "warm-up": partial(warm_up, options=options),
             "seeds": partial(seeds, options=options),
             "starts": partial(starts, options=options),
         }.items():

@@ -28,9 +28,9 @@ def sleep(shared: None, seconds: float) -> None:
     time.sleep(seconds)
 
 
-def panda_by_position() -> pk.Tracking:
+def panda_by_position(samples: int) -> pk.Tracking:
     """Return a task of a 7-DOF arm, whose starts take some hundredths of a second each."""
-    path = pk.line([0.45, -0.25, 0.3], [0.45, 0.25, 0.3], duration=1.5, samples=51)
+    path = pk.line([0.45, -0.25, 0.3], [0.45, 0.25, 0.3], duration=1.5, samples=samples)
     return pk.Tracking(panda(), path, objectives=[pk.kinetic_energy])
 
 

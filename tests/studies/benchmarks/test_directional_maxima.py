@@ -5,14 +5,23 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from studies.benchmarks.directional_maxima import CASES, CERTIFIED, OURS, PEERS, REFINED, certified_rows, judge, run
+from studies.benchmarks.directional_maxima import (
+    CERTIFIED,
+    OURS,
+    PEERS,
+    REFINED,
+    certified_rows,
+    judge,
+    problem_of,
+    run,
+)
 
 
 @pytest.mark.slow
 def test_every_method_is_judged_and_refined_fronts_are_within_the_bound():
     case = "joint motors: speeds, power"
-    problem = CASES[case]()
-    runs = {(case, name): [run(name, problem, seed) for seed in range(2)] for name in (OURS, REFINED, *PEERS)}
+    problem = problem_of(case)
+    runs = {(case, name): [run(case, name, seed) for seed in range(2)] for name in (OURS, REFINED, *PEERS)}
     rows = judge(runs, [case])
     assert {row.source for row in rows} == set(PEERS)
     assert len(rows) == 3 * (len(PEERS) + 1)

@@ -10,16 +10,6 @@ from paretoik.front.indicators import hypervolume
 from studies.benchmarks import energy_torque as study
 
 
-class Found:
-    """A front of which only the objectives matter."""
-
-    def __init__(self, minimised):
-        self.minimised = minimised
-
-    def __len__(self):
-        return len(self.minimised)
-
-
 def staircase(F, reference):
     """Return the area between a front of two objectives and a reference beyond it, rectangle by rectangle."""
     F = F[np.argsort(F[:, 0])]
@@ -48,8 +38,8 @@ def test_the_reference_is_what_its_staircase_covers():
 
 def test_the_reference_itself_has_the_whole_hypervolume_and_half_of_it_less(capsys):
     F = study.reference_front()
-    whole, points, _ = study.measure_variant("all", lambda seed: Found(F), range(2))
-    less, fewer, _ = study.measure_variant("half", lambda seed: Found(F[::2]), range(2))
+    whole, points, _ = study.variant_rows("all", 2 * [study.Searched(F=F, seconds=1.0)])
+    less, fewer, _ = study.variant_rows("half", 2 * [study.Searched(F=F[::2], seconds=1.0)])
     assert whole.ours == 1.0
     assert 0.9 < less.ours < 1.0
     assert (points.ours, fewer.ours) == (len(F), len(F[::2]))

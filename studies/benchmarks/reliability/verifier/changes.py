@@ -243,3 +243,19 @@ def leave_the_path(run: Edited) -> None:
 
 def take_maxima_away(run: Edited) -> None:
     del run.arrays["polygon.npz"]["values"]
+
+
+def boast_of_a_tuned_speed(run: Edited) -> None:
+    run.table["speed_ratio"][0] *= 0.01
+
+
+def boast_of_a_tuned_margin(run: Edited) -> None:
+    run.table["limit_margin"][-1] += 0.6
+
+
+def leave_the_path_tuned(run: Edited) -> None:
+    run.motions["q"][0, 6, 0] += 0.3
+
+
+def begin_elsewhere(run: Edited) -> None:
+    run.motions["q"][0, 0] += 1e-6

@@ -60,4 +60,8 @@ FAULTS: dict[str, tuple[str, Callable[[Edited], None], str]] = {
     "maxima missing": ("polygon", changes.take_maxima_away, "files"),
     "an error hidden": ("resolved", changes.hide_the_error, "largest error"),
     "a resolved motion off its path": ("resolved", changes.leave_the_path, "tracking"),
+    "a tuned speed too good for its motion": ("tuning", changes.boast_of_a_tuned_speed, "objective speed_ratio"),
+    "a tuned margin too good for its motion": ("tuning", changes.boast_of_a_tuned_margin, "objective limit_margin"),
+    "a tuned motion off its path": ("tuning", changes.leave_the_path_tuned, "objective tracking_error"),
+    "a tuned motion from another start": ("tuning", changes.begin_elsewhere, "start"),
 }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -71,7 +72,8 @@ def planned() -> pk.Tracking:
 
 def tuned() -> pk.Tuning:
     method = pk.methods.DampedLeastSquares(damping=0.05)
-    return pk.Tuning(ARM, LINE, method, starts=tracking().encoding.charts.base[:3, 0], tolerance=None)
+    arm = replace(ARM, position_limits=np.tile([-2.5, 2.5], (3, 1)))
+    return pk.Tuning(arm, LINE, method, starts=tracking().encoding.charts.base[:3, 0], tolerance=None)
 
 
 def search(problem: Any, out: Path) -> None:

@@ -1,11 +1,11 @@
-"""What the tests of benchmarks share."""
+"""What the tests of studies share."""
 
 from __future__ import annotations
 
 import pytest
 
 from paretoik.execution.worker import compute
-from studies.benchmarks import processes
+from studies import processes
 
 
 class Here:
@@ -24,5 +24,5 @@ class Here:
 
 @pytest.fixture
 def here(monkeypatch):
-    """Run in this process what benchmarks run in others."""
+    """Run in this process what studies run in others."""
     monkeypatch.setattr(processes, "WorkerProcesses", Here)

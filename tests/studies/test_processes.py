@@ -5,11 +5,12 @@ from __future__ import annotations
 import os
 import time
 from contextlib import closing
+from functools import partial
 
 import pytest
 
 from paretoik.execution.worker_processes import WorkerOptions, WorkerProcesses
-from studies.benchmarks import processes
+from studies import processes
 from studies.benchmarks.scaling.local_cluster import local_cluster
 
 
@@ -71,12 +72,17 @@ def test_what_is_stored_is_not_run_again_and_what_is_run_is_stored_at_once():
 @pytest.mark.usefixtures("here")
 def test_what_each_returns_stands_by_its_key_and_what_one_raises_is_raised():
     with processes.processes() as executor:
-        assert processes.run_each(executor, divmod, {("a",): [7, 2], ("b",): [9, 4]}) == {
-            ("a",): (3, 1),
-            ("b",): (2, 1),
-        }
+        calls = {("a",): partial(divmod, 7, 2), ("b",): partial(divmod, 9, 4)}
+        assert (
+            processes.run_each(executor, calls) == processes.run_each(None, calls) == {("a",): (3, 1), ("b",): (2, 1)}
+        )
         with pytest.raises(ValueError, match="could not convert"):
-            processes.run_each(executor, float, {("a",): ["x"]})
+            processes.run_each(executor, {("a",): partial(float, "x")})
+
+
+def test_an_address_where_no_scheduler_can_be_is_refused_in_a_line():
+    with pytest.raises(SystemExit, match="cluster: the address of a Dask scheduler"), processes.workers_of("localhost"):
+        pass
 
 
 @pytest.mark.filterwarnings("ignore:cluster. no worker at .* is waited for")

@@ -1,4 +1,4 @@
-"""Many runs over seeds, a process a core or on a Dask cluster; whoever interrupts them has the seeds that are done."""
+"""Independent pieces of a study's work: in this process, in a process a core, or on a Dask cluster."""
 
 from __future__ import annotations
 
@@ -10,10 +10,13 @@ from contextlib import closing, contextmanager
 from dataclasses import replace
 from typing import Any, TypeVar
 
+import cloudpickle
 from rich.console import Console
 from rich.progress import track
 
 from paretoik.distribution import Done, Executor, Raised, Reply
+from paretoik.errors import InvalidInput
+from paretoik.execution.executor import check_workers
 from paretoik.execution.worker_processes import WorkerProcesses
 from studies.reporting import tell
 
@@ -21,7 +24,6 @@ Key = TypeVar("Key", bound=tuple[str, ...])
 Result = TypeVar("Result")
 
 CORES = os.cpu_count() or 1
-CLUSTER = "address of a Dask scheduler, as tcp://HOST:PORT, whose workers compute in place of this machine"
 
 
 @contextmanager
@@ -35,10 +37,26 @@ def processes(cluster: str | None = None) -> Iterator[Executor]:
         with closing(WorkerProcesses(CORES)) as here:
             yield here
         return
+    with workers_of(cluster) as there:
+        assert there is not None
+        yield there
+
+
+@contextmanager
+def workers_of(cluster: str | None) -> Iterator[Executor | None]:
+    """Yield the workers of a Dask cluster at an address; None, which stands for this process, where there is none."""
+    if cluster is None:
+        yield None
+        return
     from paretoik.execution.cluster import Cluster  # here: it takes Dask
     from paretoik.execution.cluster_options import OPTIONS
 
-    with closing(Cluster(cluster, replace(OPTIONS, portion=0.0, overhead=0.0))) as there:  # a run a task
+    try:
+        check_workers(None, cluster)
+        there = Cluster(cluster, replace(OPTIONS, portion=0.0, overhead=0.0))  # a run a task
+    except InvalidInput as error:
+        raise SystemExit(str(error)) from error
+    with closing(there):
         yield there
 
 
@@ -93,18 +111,34 @@ def run_seeds(
 
 
 def run_each(
-    executor: Executor, work: Callable[..., Result], arguments: Mapping[Key, Sequence[Any]]
+    executor: Executor | None, calls: Mapping[Key, Callable[[], Result]], *, limit: float | None = None
 ) -> dict[Key, Result]:
-    """Return ``work(*arguments[key])`` by key. Raises SystemExit where one crashes, and what one raises."""
-    keys, items = list(arguments), [_job(work, args) for args in arguments.values()]
+    """Return what calls without arguments return, by key, as ``each_result`` computes them; each is told as it ends."""
     results: dict[Key, Result] = {}
-    for place, reply in executor.replies(call, None, items, seconds=None):
+    for key, result in each_result(executor, calls, limit=limit):
+        results[key] = result
+        tell(", ".join(key))
+    return {key: results[key] for key in calls}
+
+
+def each_result(
+    executor: Executor | None, calls: Mapping[Key, Callable[[], Result]], *, limit: float | None = None
+) -> Iterator[tuple[Key, Result]]:
+    """Yield what calls without arguments (``functools.partial`` of a module's function) return, as they end.
+
+    Without an executor this process computes them in their order. ``limit`` [s] is for each. Raises SystemExit where
+    one crashes or takes longer, and what one raises.
+    """
+    if executor is None:
+        yield from _bar(((key, compute()) for key, compute in calls.items()), len(calls))
+        return
+    keys, items = list(calls), [_job(compute, ()) for compute in calls.values()]
+    for place, reply in _bar(executor.replies(call, None, items, seconds=limit), len(items)):
         if isinstance(reply, Raised):
             raise reply.error
         if not isinstance(reply, Done):
             raise SystemExit(f"{', '.join(keys[place])}: {_fault(reply)}")
-        results[keys[place]] = reply.value
-    return {key: results[key] for key in keys}
+        yield keys[place], reply.value
 
 
 def call(_: None, job: bytes) -> Any:
@@ -114,12 +148,13 @@ def call(_: None, job: bytes) -> Any:
 
 
 def _job(work: Callable[..., Any], args: Sequence[Any]) -> bytes:
-    return pickle.dumps((work, tuple(args)))
+    """Return a call as bytes: functions of modules by name, what has none by its content."""
+    return bytes(cloudpickle.dumps((work, tuple(args))))
 
 
-def _bar(replies: Iterator[tuple[int, Reply]], total: int) -> Iterator[tuple[int, Reply]]:
+def _bar(results: Iterator[Result], total: int) -> Iterator[Result]:
     console = Console(stderr=True)
-    yield from track(replies, "runs", total=total, console=console, transient=True, disable=not console.is_terminal)
+    yield from track(results, "runs", total=total, console=console, transient=True, disable=not console.is_terminal)
 
 
 def _fault(reply: Reply) -> str:
