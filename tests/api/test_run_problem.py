@@ -181,6 +181,26 @@ def test_in_a_projects_folder_a_file_of_another_folder_than_the_runs_is_the_user
         check_own(Path("papers/run"), "papers/users_motions.py:motions")
 
 
+def test_whoever_is_in_a_runs_folder_is_in_no_project(project, run, monkeypatch):
+    """A stranger's run may hold other runs, and a problem of theirs: all of it came together."""
+    inner = naming(run[0], project / "inner", "evil.py:problem")
+    naming(run[0], Path("elsewhere"), "runs/first/evil.py:problem")
+    elsewhere = Path("elsewhere").resolve()
+    for folder in (project, inner, project / "checkpoint"):
+        folder.mkdir(exist_ok=True)
+        (folder / "evil.py").write_text(EVIL.format(mark=str(elsewhere / "mark")))
+    with pytest.raises(InvalidInput, match=r"lies beside the run|in a run's folder"):
+        check_own(elsewhere, "runs/first/evil.py:problem")
+    for folder in (project.resolve(), project.resolve() / "checkpoint"):
+        monkeypatch.chdir(folder)
+        for opened in (project.resolve(), inner.resolve(), elsewhere):
+            with pytest.raises(InvalidInput, match=r"lies beside the run|in a run's folder"):
+                check_own(opened, "evil.py:problem")
+            with pytest.warns(RuntimeWarning, match="come without their arm"):
+                pk.load_front(opened)
+    assert not (elsewhere / "mark").exists()
+
+
 @pytest.mark.parametrize("home", [".", "papers"])
 def test_the_home_folder_and_those_above_are_no_project(project, monkeypatch, home):
     check_own(project, "papers/users_motions.py:motions")
