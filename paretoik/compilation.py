@@ -24,7 +24,7 @@ from typing import Any
 
 import llvmlite.binding as llvm
 import numba
-from numba.core import types
+from numba.core import config, types
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, NullCache, UserWideCacheLocator
 from numba.core.ccallback import CFunc
 from numba.core.compiler import Flags
@@ -34,6 +34,11 @@ from numba.core.sigutils import normalize_signature
 
 from paretoik.compilation_notices import SILENT, CompilationNotice, announce
 from paretoik.compilation_units import compilation_unit
+
+# numba takes settings from a file in the current folder, the folder of its cache among them, from which code is loaded:
+# that folder may be a run from anybody. Settings of the environment hold.
+config._config_fname = ""
+config.reload_config()
 
 carray = numba.carray  # an array at a pointer
 OPTIONS = {"nopython": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}  # x / 0 is inf or nan

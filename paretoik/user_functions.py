@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -21,6 +23,17 @@ class OddObjectiveOptions:
 
 
 OPTIONS = OddObjectiveOptions()
+
+
+def function_name(function: Callable[..., Any], nameless: str = "lambda") -> str:
+    """Return the name of a function, of a partial one that of the whole, and of another callable that of its class.
+
+    A lambda is called ``nameless``.
+    """
+    while isinstance(function, partial):
+        function = function.func
+    name = str(getattr(function, "__name__", type(function).__name__))
+    return nameless if name == "<lambda>" else name
 
 
 @contextmanager

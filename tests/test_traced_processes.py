@@ -186,6 +186,7 @@ def hostile(desk) -> Path:
     (run / "bait.pkl").write_bytes(b"cposix\nmkdir\n(S'executed'\ntR.")
     (run / "bait.pth").write_text(bait)
     (run / "matplotlibrc").write_text(LATEX)
+    (run / ".numba_config.yaml").write_text(f"cache_dir: {run}/compiled\n")  # where compiled code would be loaded from
     entries = json.loads((run / RUN).read_text())
     del entries["digest"]
     (run / RUN).write_bytes(run_bytes(entries))

@@ -1,10 +1,12 @@
 """Whatever a user's function raises is one line, but Ctrl-C and our own errors."""
 
 import warnings
+from functools import partial
 
 import numpy as np
 import pytest
 
+import paretoik as pk
 from paretoik.errors import EvaluationFailed, InvalidInput
 from paretoik.stop_flag import Interrupted
 from paretoik.user_functions import user_function, warn_of_odd_objectives
@@ -70,3 +72,26 @@ def test_objectives_that_differ_at_one_argument_are_no_duplicates():
     with warnings.catch_warnings(action="error"):
         warn_of_odd_objectives(["a", "b"], F, F)
         warn_of_odd_objectives(["a", "b"], F[:1], F[:1])  # one argument says nothing
+
+
+class Reach:
+    def __call__(self, motion):
+        return motion.q
+
+
+def reach(motion, scale):
+    return motion.q * scale
+
+
+@pytest.mark.parametrize(
+    ("function", "name"), [(reach, "reach"), (partial(partial(reach), scale=2.0), "reach"), (Reach(), "Reach")]
+)
+def test_functions_are_called_by_their_name_and_callables_by_what_they_are(function, name):
+    assert pk.objective(unit="", form="integral")(function).name == name
+    assert pk.constraint(unit="", upper=1.0)(function).name == name
+    assert pk.step_objective(unit="")(function).name == name
+
+
+def test_a_lambda_as_a_constraint_is_called_by_its_bounds():
+    assert pk.constraint(unit="m", lower=-0.5, upper=1.0)(lambda motion: motion.q).name == "lambda in [-0.5, 1] m"
+    assert pk.constraint(unit="", upper=2.0)(lambda motion: motion.q).name == "lambda in [-inf, 2]"

@@ -6,11 +6,13 @@ from collections.abc import Sequence, Set
 from pathlib import Path
 
 from paretoik.api.load_front import load_front
+from paretoik.call_arguments import check_call
 from paretoik.front.comparison import Comparison
 from paretoik.front.front import Front
 from paretoik.inputs import file_path, read_list
 
 
+@check_call
 def compare(*fronts: Front | Path | str, labels: Sequence[str] | None = None) -> Comparison:
     """Return fronts, or runs in folders, side by side: hypervolume, coverage, additive epsilon, attainment.
 

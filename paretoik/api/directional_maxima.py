@@ -8,6 +8,7 @@ from paretoik.api.polygon_run import polygon_counts, polygon_subject, save_polyg
 from paretoik.api.progress import Observer
 from paretoik.api.review_polygon import review_polygon, start_recording
 from paretoik.api.run_session import run_session
+from paretoik.call_arguments import check_call
 from paretoik.capability.actuation import Actuation
 from paretoik.capability.directional import PerformancePolygon, directional_query, performance_polygon
 from paretoik.capability.joint_capability import Quantity
@@ -15,6 +16,7 @@ from paretoik.inputs import check_flag
 from paretoik.robot.arm import Arm
 
 
+@check_call
 def directional_maxima(
     arm: Arm,
     actuation: Actuation,

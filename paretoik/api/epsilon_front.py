@@ -17,6 +17,7 @@ from paretoik.api.review_front import review_front
 from paretoik.api.run_session import RunSession, Subject, run_session
 from paretoik.api.sweep_display import SweepDisplay
 from paretoik.arrays import Genes, Points
+from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
 from paretoik.execution.executor import check_workers
 from paretoik.execution.time_limit import check_time_limit
@@ -31,6 +32,7 @@ from paretoik.review.recording.workcell import workcell_of
 from paretoik.task.motion import Motion
 
 
+@check_call
 def epsilon_front(
     problem: Any,
     *,

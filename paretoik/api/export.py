@@ -8,6 +8,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
 from paretoik.front.front import Choice
 from paretoik.inputs import check_flag, check_mapping, file_path, positive_number, shown
@@ -25,6 +26,7 @@ from paretoik.task.motion import Motion
 MADE = ("made by", "arm", "controller", "controller rate", "rate", "time_scale", "ramp", "use of limits")
 
 
+@check_call
 def export(
     motion: Choice | Motion,
     file: str | Path,

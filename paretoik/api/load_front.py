@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from paretoik.api.run_problem import check_problem_argument, problem_of_run
+from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidRun, ParetoikError
 from paretoik.fingerprint.fingerprint import check_fingerprint
 from paretoik.formulations.stored_motions import restore_motions
@@ -17,6 +18,7 @@ from paretoik.inputs import file_path
 from paretoik.run_files import MOTIONS
 
 
+@check_call
 def load_front(folder: str | Path, problem: Any = None) -> Front:
     """Return the front of a run folder; its motions are whole where its problem is at hand.
 

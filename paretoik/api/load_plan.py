@@ -8,6 +8,7 @@ from typing import Any
 
 from paretoik.api.plan_storage import read_plan
 from paretoik.api.run_problem import check_problem_argument, problem_of_run
+from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput, InvalidRun
 from paretoik.fingerprint.fingerprint import check_fingerprint
 from paretoik.formulations.stored_motions import motions_of_task
@@ -16,6 +17,7 @@ from paretoik.run_files import MOTIONS
 from paretoik.trajectory.plan import Optimum, Plan
 
 
+@check_call
 def load_plan(folder: str | Path, problem: Any = None) -> Plan:
     """Return the plan of a run folder, its motions with the arm of ``problem``.
 

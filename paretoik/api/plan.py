@@ -13,6 +13,7 @@ from paretoik.api.plan_display import PlanDisplay
 from paretoik.api.plan_storage import save_plan
 from paretoik.api.progress import Observer
 from paretoik.api.run_session import Subject, run_session
+from paretoik.call_arguments import check_call
 from paretoik.execution.executor import check_workers
 from paretoik.execution.time_limit import check_time_limit
 from paretoik.formulations.requirements import require_plan
@@ -23,6 +24,7 @@ from paretoik.task.motion import Motion
 from paretoik.trajectory.plan import Plan
 
 
+@check_call
 def plan(
     problem: Any,
     *,

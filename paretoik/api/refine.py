@@ -19,6 +19,7 @@ from paretoik.api.run_session import Subject, run_session
 from paretoik.api.time_left import OPTIONS as TIME_LEFT
 from paretoik.api.verb_session import verb_session
 from paretoik.arrays import Genes, Ids, Points
+from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
 from paretoik.execution.executor import check_workers
 from paretoik.execution.run_folder import check_other_folder
@@ -38,6 +39,7 @@ from paretoik.search.endings import Progress
 from paretoik.search.islands import Islands
 
 
+@check_call
 def refine(
     front: Front,
     problem: Any = None,

@@ -12,6 +12,7 @@ from paretoik.api.load_front import load_front, with_problem
 from paretoik.api.result_text import gap_text
 from paretoik.api.run_problem import check_problem_argument
 from paretoik.api.run_text import status_text
+from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput, InvalidRun
 from paretoik.formulations.protocol import is_loop
 from paretoik.front.certificate_text import certificate_text
@@ -29,6 +30,7 @@ from paretoik.stored_arrays import read_table
 STEP_PARTS = ("chosen", "best", "worst")  # columns of a closed loop's table of steps
 
 
+@check_call
 def report(
     front: Front | Path | str, file: Path | str | None = None, *, overwrite: bool = False, problem: Any = None
 ) -> Path:

@@ -9,6 +9,7 @@ from paretoik.api.progress import Observer
 from paretoik.api.resolution_run import motion_ending, resolution_settings, resolution_subject, save_resolution
 from paretoik.api.review_resolution import resolve_recorded, review_resolution
 from paretoik.api.run_session import run_session
+from paretoik.call_arguments import check_call
 from paretoik.inputs import check_flag
 from paretoik.resolution.follow import TRACKING_TOLERANCE
 from paretoik.resolution.method import Method
@@ -22,6 +23,7 @@ from paretoik.task.path import Path
 from paretoik.task.task import Task
 
 
+@check_call
 def resolve(
     arm: Arm,
     path: Path | Task | Sequence[Path | Task],

@@ -17,6 +17,7 @@ from paretoik.api.refine import refine
 from paretoik.api.run_problem import check_problem_argument, problem_of_run
 from paretoik.api.run_session import SOURCE, StoppedRun
 from paretoik.api.solve import solve
+from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput, InvalidRun
 from paretoik.execution.executor import check_workers
 from paretoik.execution.machine import versions
@@ -38,6 +39,7 @@ VERBS: dict[str, Callable[..., Front | Plan]] = {each.__name__: each for each in
 OF_LOOP = {"weights", "warm_start"}  # settings of a closed loop's run that are the problem's own
 
 
+@check_call
 def resume(
     folder: str | Path,
     problem: Any = None,

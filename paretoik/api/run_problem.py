@@ -6,12 +6,14 @@ only where it is a file below the current folder that did not come with the run:
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
 from paretoik.errors import InvalidInput
 from paretoik.inputs import shown
 from paretoik.loading import load_problem
+from paretoik.run_files import RUN
 
 CONFIRM = "problem=, or --problem FILE.py:NAME, loads one wherever it is"
 LONGEST = 200  # characters that messages quote
@@ -40,9 +42,9 @@ def check_problem_argument(problem: object) -> None:
 def check_own(folder: Path, reference: object) -> None:
     """Raise InvalidInput where what a run in a folder names is not a file of the current project.
 
-    Such a file lies below the current folder, links followed, outside the run, and in no folder below it that the run
-    is in too: they may have come together. The home folder and those above it are no projects; modules, which may be
-    anywhere on Python's path, are not loaded for a run.
+    Such a file lies below the current folder, links followed, in no folder of any run, and in no folder below the
+    current one that the run is in too: they may have come together. The home folder and those above it are no
+    projects, nor is what lies in a run; modules, which may be anywhere on Python's path, are not loaded for a run.
     """
     text, project = str(reference), Path.cwd().resolve()
     try:
@@ -66,6 +68,9 @@ def _fault(reference: str, run: Path, project: Path) -> str:
     parent = project / file.relative_to(project).parts[0]
     if file.is_relative_to(run) or (parent.is_dir() and run.is_relative_to(parent)):
         return "a file that lies beside the run"
+    within = next((each for each in file.parents if os.path.lexists(each / RUN)), None)
+    if within is not None:
+        return f"a file in a run's folder, {within}"
     return ""
 
 

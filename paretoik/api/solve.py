@@ -12,6 +12,7 @@ from paretoik.api.run_session import Subject, run_session
 from paretoik.api.search_front import FrontSearch
 from paretoik.api.settings import SolveSettings
 from paretoik.arrays import Genes
+from paretoik.call_arguments import check_call
 from paretoik.formulations.protocol import timeline
 from paretoik.front.front import Front
 from paretoik.inputs import check_flag
@@ -24,6 +25,7 @@ RUNS: dict[str, type[FrontSearch] | type[LoopRun]] = {
 }  # how a problem is solved, by what its run counts
 
 
+@check_call
 def solve(
     problem: Any,
     *,

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from paretoik.api.progress import Observer, count_observer
 from paretoik.api.progress_display import open_observer
 from paretoik.api.run_problem import check_problem_argument, problem_of_run
+from paretoik.call_arguments import check_call
 from paretoik.errors import ParetoikError
 from paretoik.file_replacement import without_writers
 from paretoik.fingerprint.fingerprint import fingerprint
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from paretoik.verification.report import Verification
 
 
+@check_call
 def verify(folder: str | Path, problem: Any = None, *, observe: Observer | bool | None = None) -> Verification:
     """Return what an independent look at a run folder says: a row for everything that was checked, or was not.
 

@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import Joints
+from paretoik.call_arguments import check_call
 from paretoik.capability.compiled import actuators
 from paretoik.capability.motor_curves import SHAPES, MotorCurve, MotorShape
 from paretoik.capability.rods import angle_range, broadcast, check_geometry
@@ -25,6 +26,7 @@ from paretoik.tables import field_representation, html_representation
 LEAST_ROD_ANGLE = float(np.deg2rad(10.0))  # rad: nearer to 0 or π sliders hardly turn the joint, or hardly hold it
 
 
+@check_call
 @dataclass(frozen=True, kw_only=True, eq=False)
 class JointActuation:
     """A motor at every joint, its curve in ``motors``. Source: Kim, Choi & Jang 2021, Eq. 4 and Table 3.
@@ -76,6 +78,7 @@ class JointActuation:
         return rows
 
 
+@check_call
 @dataclass(frozen=True, init=False, eq=False)
 class DistributedActuation:
     """Two sliders a joint: a rod of length c joins one at s on the link to one at s_b on the link before.
@@ -217,6 +220,7 @@ def check_actuation(actuation: object, arm: Arm) -> None:
         raise InvalidInput(f"actuation: rods turn joints, but {sliding} of {arm.name} slides")
 
 
+@check_call
 def kim_joint_motors() -> JointActuation:
     """Return the motors at the joints (JAM-3R) of Kim, Choi & Jang 2021, Table 3.
 
@@ -226,6 +230,7 @@ def kim_joint_motors() -> JointActuation:
     return JointActuation(motors=MotorCurve(stall=[12.3, 3.5, 3.5], fastest=np.deg2rad([3.3, 13.2, 13.2])))
 
 
+@check_call
 def kim_sliders(base_angle: float = float(np.deg2rad(-120.0)), bend: Literal[-1, 1] = 1) -> DistributedActuation:
     """Return the sliders (DAM-3R) of Kim, Choi & Jang 2021, Table 2; the first joint's upper speed is 1.8 mm/s.
 

@@ -11,6 +11,7 @@ from typing import get_args
 import numpy as np
 from jaxtyping import Float
 
+from paretoik.call_arguments import check_call
 from paretoik.capability.actuation import Actuation, DistributedActuation, check_actuation
 from paretoik.capability.best_postures import best_postures
 from paretoik.capability.joint_capability import Quantity, joint_speeds, motor_speeds, torque_capacity
@@ -23,6 +24,7 @@ from paretoik.robot.dynamics import gravity_torques
 from paretoik.tables import field_representation, html_representation
 
 
+@check_call
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PerformancePolygon:
     """The highest speeds or forces of an arm along each direction from a position, and how they are reached.

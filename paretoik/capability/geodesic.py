@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.linalg import LinAlgError, cholesky_banded, eig_banded, solveh_banded
 
+from paretoik.call_arguments import check_call
 from paretoik.capability.model_evaluation import (
     check_ends,
     check_inside,
@@ -46,6 +47,7 @@ class GeodesicOptions:
 OPTIONS = GeodesicOptions()
 
 
+@check_call
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FastestPath:
     """``points`` (n, task) [m] of a path, the ``times`` (n,) [s] it takes to each, and its ``duration`` [s]."""
@@ -62,6 +64,7 @@ class FastestPath:
         return float(self.times[-1])
 
 
+@check_call
 def path_time(model: SpeedModel, points: ArrayLike, *, tolerance: float = OPTIONS.time_tolerance) -> float:
     """Return the least time [s] in which the tool can follow a path.
 
@@ -85,6 +88,7 @@ def path_time(model: SpeedModel, points: ArrayLike, *, tolerance: float = OPTION
     return float(_integrate_times(model, corners, tolerance).sum())
 
 
+@check_call
 def fastest_path(model: SpeedModel, start: ArrayLike, target: ArrayLike, *, intervals: int = 100) -> FastestPath:
     """Return the fastest path from ``start`` to ``target`` (task,) [m] within the model's box.
 

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import Joints, read_only
+from paretoik.call_arguments import check_call
 from paretoik.capability.compiled import actuators
 from paretoik.errors import InvalidInput
 from paretoik.inputs import check_choice, real_array, shown
@@ -21,6 +22,7 @@ MotorShape = Literal["diamond", "strip", "box"]
 SHAPES: tuple[MotorShape, ...] = get_args(MotorShape)
 
 
+@check_call
 @dataclass(frozen=True, init=False, eq=False)
 class MotorCurve:
     """How fast motors may run at an effort, one motor a joint.

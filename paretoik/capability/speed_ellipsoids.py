@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 
+from paretoik.call_arguments import check_call
 from paretoik.capability.polynomials import empty_polynomials, orthogonal_design
 from paretoik.capability.speed_models import AxesEllipses, PolynomialEllipsoids
 from paretoik.capability.speed_samples import Directions, Positions, Speeds, check_determined, checked_samples
@@ -28,6 +29,7 @@ class EllipsoidFitOptions:
 OPTIONS = EllipsoidFitOptions()
 
 
+@check_call
 def fit_ellipsoids(
     positions: Positions,
     directions: Directions,
@@ -86,6 +88,7 @@ def fit_ellipsoids(
     return model
 
 
+@check_call
 def fit_axes(positions: Positions, directions: Directions, speeds: Speeds) -> AxesEllipses:
     """Return the paper's model, fitted in two stages as there: the ellipse of each position, then polynomials.
 

@@ -13,6 +13,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float, Int
 
+from paretoik.call_arguments import check_call
 from paretoik.capability.polynomials import Polynomials
 from paretoik.errors import InvalidInput
 from paretoik.inputs import shown
@@ -38,6 +39,7 @@ class SpeedModel(Protocol):
         """Return R(p) [s/m] and ∂R/∂p [s/m²], the coordinate of p last."""
 
 
+@check_call
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PolynomialEllipsoids:
     """Ellipsoids vᵀ P v ≤ 1 with P = Q(p) / s(p)², where log s and the entries of Q are polynomials.
@@ -73,6 +75,7 @@ class PolynomialEllipsoids:
         return replace(self, polynomials=replace(self.polynomials, coefficients=coefficients))
 
 
+@check_call
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AxesEllipses:
     """Ellipses by their radii a, b [m/s] and the angle c [rad] of the first, each a polynomial of the position.

@@ -8,6 +8,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from jaxtyping import Float
 
+from paretoik.call_arguments import check_call
 from paretoik.capability.polynomials import numerical_rank
 from paretoik.capability.speed_models import SpeedModel, check_model, speeds_along
 from paretoik.errors import InvalidInput
@@ -27,6 +28,7 @@ class Samples(NamedTuple):
     speeds: Speeds
 
 
+@check_call
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FitErrors:
     """Errors of a model's speeds as shares of the true ones: 0.1 stands for 10 %.
@@ -45,6 +47,7 @@ class FitErrors:
     _repr_html_ = html_representation
 
 
+@check_call
 def fit_errors(model: SpeedModel, positions: Positions, directions: Directions, speeds: Speeds) -> FitErrors:
     """Return how far a model is from directional maxima [m/s], best of positions that it was not fitted to.
 

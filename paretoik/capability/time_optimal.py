@@ -12,6 +12,7 @@ from typing import get_args
 import numpy as np
 from jaxtyping import Float, Int
 
+from paretoik.call_arguments import check_call
 from paretoik.capability.geodesic import path_time
 from paretoik.capability.model_evaluation import check_ends, check_inside, evaluate_roots
 from paretoik.capability.planner import Formulation, Plan, Planner
@@ -22,6 +23,7 @@ from paretoik.tables import field_representation, html_representation
 from paretoik.task.limits import LIMIT_TOLERANCE
 
 
+@check_call
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TimeOptimalRun:
     """What time-optimal control did, sample by sample, a period apart.
@@ -48,6 +50,7 @@ class TimeOptimalRun:
     _repr_html_ = html_representation
 
 
+@check_call
 def time_optimal_control(
     model: SpeedModel,
     start: ArrayLike,

@@ -11,11 +11,13 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
+from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
 from paretoik.inputs import check_flag, check_function, check_text, shown
 from paretoik.tables import html_representation
 from paretoik.task.motion import Motion
 from paretoik.task.objectives import Objective
+from paretoik.user_functions import function_name
 
 if TYPE_CHECKING:
     MotionLike: TypeAlias = Motion
@@ -63,6 +65,7 @@ class StepObjective:
         return -1.0 if self.maximise else 1.0
 
 
+@check_call
 def step_objective(
     *, unit: str, maximise: bool = False, name: str | None = None
 ) -> Callable[[Function], StepObjective]:
@@ -80,7 +83,7 @@ def step_objective(
 
     def wrap(function: Function) -> StepObjective:
         check_function("step_objective", function)
-        return StepObjective(function=function, name=name or function.__name__, unit=unit, maximise=maximise)
+        return StepObjective(function=function, name=name or function_name(function), unit=unit, maximise=maximise)
 
     return wrap
 

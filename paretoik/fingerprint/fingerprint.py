@@ -30,8 +30,8 @@ def check_fingerprint(problem: object, stored: object, *, wish: str) -> None:
     """
     if not isinstance(stored, str) or not stored.startswith(f"{SCHEME}:"):
         raise InvalidInput(
-            f"{wish}, but another version of paretoik made the run, whose fingerprints cannot be compared: whether it "
-            "is of this problem is not known"
+            f"{wish}, got a run of another version of paretoik, whose fingerprints cannot be compared: whether it is "
+            "of this problem is not known"
         )
     if fingerprint(problem) != stored:
-        raise InvalidInput(f"{wish}, but its fingerprint is another")
+        raise InvalidInput(f"{wish}, got one whose fingerprint is another")

@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
+from paretoik.call_arguments import check_call
 from paretoik.closed_loop.control_step import HISTORY, ControlStep
 from paretoik.closed_loop.loop import StepRecord, required_standoff, step_bounds, take_steps
 from paretoik.closed_loop.objectives import StepObjective, joint_displacement, position_error
@@ -45,6 +46,7 @@ from paretoik.task.task import Task
 DIGEST_INTERVAL = 100  # steps from one digest of the state to the next
 
 
+@check_call
 class ClosedLoop:
     """Follow ``path`` with ``arm`` step by step, each step found by an evolutionary search and chosen by weights.
 

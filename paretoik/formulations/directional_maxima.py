@@ -19,6 +19,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import Genes
+from paretoik.call_arguments import check_call
 from paretoik.capability.actuation import Actuation, DistributedActuation, check_actuation
 from paretoik.capability.directional import unit_directions
 from paretoik.capability.directional_program import DirectionalProgram, consecutive_slices
@@ -63,6 +64,7 @@ def _check_power(power: bool | None, quantities: Sequence[Quantity]) -> bool:
     return bool(power)
 
 
+@check_call
 class DirectionalMaxima(DenseFormulation):
     """Find postures (and sliders) that are fast or strong along several directions at once: a vectorised pymoo problem.
 

@@ -18,6 +18,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import Genes, JointPaths
+from paretoik.call_arguments import check_call
 from paretoik.capability.actuation import Actuation, DistributedActuation, check_actuation
 from paretoik.capability.point_to_point_program import PointToPointProgram
 from paretoik.capability.posture_samples import stationary_task
@@ -52,6 +53,7 @@ class PointToPointOptions:
 OPTIONS = PointToPointOptions()
 
 
+@check_call
 class PointToPoint(DenseFormulation):
     """Bring the tool from ``start`` to ``target``, quickly and with little work: a vectorised pymoo problem.
 
@@ -191,8 +193,7 @@ class PointToPoint(DenseFormulation):
 
     def program(self, scales: Float[np.ndarray, " n_obj"] | None = None) -> DenseProgram:
         """Return the nonlinear program of coefficients, intervals and work, its objectives divided by ``scales``."""
-        divisors = np.ones(self.n_obj) if scales is None else scales
-        whole = self._whole_program
+        whole, divisors = self._whole_program, np.ones(self.n_obj) if scales is None else scales
         return DenseProgram(rows=whole.rows, costs=whole.costs / divisors[:, None], objective_names=self.names)
 
     def points(self, genes: Genes) -> Float[np.ndarray, "points unknowns"]:
@@ -232,8 +233,7 @@ class PointToPoint(DenseFormulation):
 
     def sample_starts(self, count: int, rng: np.random.Generator) -> Genes:
         """Return genes of the bases, as they are and at a small distance."""
-        paths = self.initial_paths
-        rows = np.zeros((count, self.n_var))
+        paths, rows = self.initial_paths, np.zeros((count, self.n_var))
         which = np.arange(count) % len(paths.q)
         rows[:, 0] = (which + 0.5) / len(paths.q)
         distance = np.where(np.arange(count) < len(paths.q), 0.0, 0.1)[:, None]

@@ -10,6 +10,7 @@ import numpy as np
 from pymoo.core.problem import Problem
 
 from paretoik.arrays import Genes
+from paretoik.call_arguments import check_call
 from paretoik.closed_loop.control_step import rotation_rows
 from paretoik.closed_loop.open_loop import posture_bounds
 from paretoik.errors import InvalidInput
@@ -32,6 +33,7 @@ from paretoik.task.task import Task
 from paretoik.trajectory.infeasibility import explain_violation
 
 
+@check_call
 class Posture(Problem):  # type: ignore[misc]  # pymoo is not typed
     """Search joint positions whose tool is where a path begins, clear of obstacles: a vectorised pymoo problem.
 

@@ -8,6 +8,7 @@ from dataclasses import KW_ONLY, dataclass
 import numpy as np
 from jaxtyping import Float
 
+from paretoik.call_arguments import check_call
 from paretoik.capability.speed_models import SpeedModel, check_model
 from paretoik.capability.time_optimal import TimeOptimalRun, time_optimal_control
 from paretoik.errors import EvaluationFailed, InvalidInput, SolverFailed
@@ -29,6 +30,7 @@ class ControlTraces(Traces):
     cuts: Float[np.ndarray, "*batch"]
 
 
+@check_call
 @dataclass(frozen=True, eq=False, repr=False)
 class TimeOptimalControl(Method):
     """Time-optimal control from the first position of a path to its last, the tool as fast as ``model`` allows.

@@ -15,6 +15,7 @@ from jaxtyping import Float, Int
 from pymoo.core.problem import Problem
 
 from paretoik.arrays import Genes, Values
+from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
 from paretoik.formulations.base_motions import choose_bases, positions_on_path, sample_rollouts
 from paretoik.formulations.encoding import Encoding, choose_coefficients, encoding
@@ -62,6 +63,7 @@ class TrackingOptions:
 OPTIONS = TrackingOptions()
 
 
+@check_call
 class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
     """Follow ``path`` with ``arm``, trading ``objectives`` against each other: a vectorised pymoo problem.
 
@@ -211,10 +213,7 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
         return self.encode(self.task.motion(x))[0]
 
     def individuals(self, x: Float[np.ndarray, "points time dof"], genes: Genes | None = None) -> Individuals:
-        """Return motions as individuals; they are exact, and genes would only be near them.
-
-        After a signal nobody looks between samples any more.
-        """
+        """Return motions as individuals: exact, where genes would be near; after a signal not seen between samples."""
         motions = self.task.motion(x)
         return Individuals(
             x=x,
@@ -293,8 +292,7 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
 
     def _evaluate(self, X: Genes, out: dict[str, object], *args: object, **kwargs: object) -> None:
         q, on_path = self.encoding.decode(self.task, X)
-        F, limits, causes = evaluate_motions(self.task, self.task.motion(q))
+        F, limits, out["cause"] = evaluate_motions(self.task, self.task.motion(q))
         failed = ~np.isfinite(F).all(axis=1) | ~np.isfinite(limits).all(axis=1)
         out["F"] = np.where(np.isfinite(F), F, np.inf)
         out["G"] = np.column_stack([np.mean(~on_path, axis=1), failed.astype(float), np.nan_to_num(limits, nan=1.0)])
-        out["cause"] = causes

@@ -18,6 +18,7 @@ from jaxtyping import Float, Int
 from pymoo.core.problem import Problem
 
 from paretoik.arrays import Genes
+from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
 from paretoik.formulations.problem_text import problem_text
 from paretoik.inputs import ArrayLike, check_choice, check_seed, check_size, finite_array, positive_number, shown
@@ -51,6 +52,7 @@ class TuningOptions:
 OPTIONS = TuningOptions()
 
 
+@check_call
 class Tuning(Problem):  # type: ignore[misc]  # pymoo is not typed
     """Find the numbers of a method along ``path``: a vectorised pymoo problem.
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeGuard, runtime_checkable
 import numpy as np
 
 from paretoik.arrays import Values
+from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
 from paretoik.inputs import shown
 from paretoik.tables import field_representation, fit_screen, html_representation
@@ -55,6 +56,7 @@ class ExchangeRate:
     _repr_html_ = html_representation
 
 
+@check_call
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Choice:
     """One point of a front: its ``id``, its row ``index``, its motion and objectives, and the ``reason`` of the choice.

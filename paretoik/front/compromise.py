@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from paretoik.arrays import Objectives, Values
+from paretoik.call_arguments import check_call
 from paretoik.errors import Infeasible
 from paretoik.front.preference_options import OPTIONS
 from paretoik.front.reason import percent, subject
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 COMPROMISE_IN_WORDS = "the point whose hardest-hit objective gives up the least, as a share of its range on the front"
 
 
+@check_call
 @dataclass(frozen=True, kw_only=True)
 class Compromise:
     """The compromise: the point whose hardest-hit objective gives up the least, as a share of its range.

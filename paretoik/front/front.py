@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 
 from paretoik.arrays import Genes, Ids, Objectives, Values, read_only
+from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
 from paretoik.front.certificates import Certificates
 from paretoik.front.choice import Choice, Preference, check_preference
@@ -55,6 +56,7 @@ __all__ = ["Choice", "Front", "Preference"]
 MotionBuilder = Callable[[np.ndarray, np.ndarray, tuple[str, ...]], JointMotions]
 
 
+@check_call
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Front:
     """Mutually non-dominated points, sorted by the first objective.

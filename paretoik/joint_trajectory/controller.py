@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import read_only
+from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
 from paretoik.inputs import check_flag, check_instance, check_text, finite_array, positive_number, read_list, shown
 from paretoik.robot.arm import Arm, check_arm
@@ -19,6 +20,7 @@ from paretoik.tables import html_representation
 JOINT_LIMITS = ("velocity", "acceleration", "jerk", "torque", "torque_rate")
 
 
+@check_call
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Braking:
     """How a velocity limit shrinks towards the ends of a joint's range, so that it can always brake.
@@ -50,6 +52,7 @@ class Braking:
         return speed * np.array([-1.0, 1.0])[:, None, None]
 
 
+@check_call
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Controller:
     """What a robot's controller takes: joints by name, one command every 1/``rate`` [Hz], each within its limits.

@@ -19,6 +19,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
 from paretoik.inputs import shown
 from paretoik.joint_trajectory.controller import Braking, Controller
@@ -118,6 +119,7 @@ FAMILIES = MappingProxyType({"franka": (PANDA, FR3), "ur": (UR3E, UR5E, UR10E, U
 CONTROLLERS = MappingProxyType({each.name: each for family in FAMILIES.values() for each in family})
 
 
+@check_call
 def find_controller(controller: str | Controller, arm: Arm) -> Controller:
     """Return a controller for an arm: itself, one by its name, or of a family the one that names the arm's joints.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
 from paretoik.inputs import shown
 from paretoik.resolution.traces import ResolvedMotion
@@ -59,6 +60,7 @@ def duration(motion: Motion) -> np.ndarray:
     return motion.duration
 
 
+@check_call
 def distance_to(reference: Motion) -> Objective:
     """Return the objective ``distance`` from a motion: the joint distance, RMS over time, angles modulo whole turns.
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeVar, get_args
 import numpy as np
 from jaxtyping import Float, Shaped
 
+from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
 from paretoik.inputs import check_choice, check_text, finite_array, read_list, shown
 from paretoik.tables import field_representation, html_representation
@@ -23,6 +24,7 @@ Scale = Literal["linear", "log", "integer"]
 Tuned = TypeVar("Tuned", bound="Method")
 
 
+@check_call
 @dataclass(frozen=True)
 class Parameter:
     """A number that is searched between ``lower`` and ``upper``.
@@ -67,6 +69,7 @@ class Parameter:
         return np.floor(genes).astype(int) if self.scale == "integer" else genes
 
 
+@check_call
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Criterion:
     """What a projection improves on the side: an objective that looks at one sample's postures, or rates, alone.
@@ -113,6 +116,7 @@ def number(
     return {"below": below, "search": search, "scale": scale}
 
 
+@check_call
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Method:
     """A way to resolve one motion, or a batch of them where its numbers are arrays; ``resolve`` takes any."""

@@ -14,6 +14,7 @@ from typing import Literal, TypeVar, get_args
 import numpy as np
 from jaxtyping import Float
 
+from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
 from paretoik.inputs import ArrayLike, check_choice, finite_array, read_list, shown
 from paretoik.resolution.method import Criterion as Criterion
@@ -45,6 +46,7 @@ Gradient = TypeVar("Gradient", bound="GradientProjection")
 Weighted = TypeVar("Weighted", bound="WeightedGradientProjection")
 
 
+@check_call
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class VelocityMethod(Method):
     """Task velocities with ``feedback`` [1/s] of the tracking error, by default 1/Δt: more would overshoot.
@@ -71,11 +73,13 @@ class VelocityMethod(Method):
         return (Parameter("feedback", 0.02 * highest, highest), *super().parameters(times))
 
 
+@check_call
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class PseudoInverse(VelocityMethod):
     """The least joint velocities that do the task: q̇ = J⁺v. It refuses singular postures. Source: Whitney 1969."""
 
 
+@check_call
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class LeastSquaresVelocity(PseudoInverse):
     """The pseudoinverse without feedback, by Euler steps: what the error of a step was, stays.
@@ -86,6 +90,7 @@ class LeastSquaresVelocity(PseudoInverse):
     feedback: Number | None = 0.0
 
 
+@check_call
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class DampedLeastSquares(VelocityMethod):
     """Near singular postures velocities are damped and the task gives way: ρ² = ρ_max²(1 − (σ_min/ε)²), σ_min < ε.
@@ -98,6 +103,7 @@ class DampedLeastSquares(VelocityMethod):
     damping: Number = field(default=0.02, metadata=number(search=(1e-3, 1e-1), scale="log"))
 
 
+@check_call
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class WeightedLeastNorm(DampedLeastSquares):
     """Joints are slowed as they come nearer to their position limits, and free as they leave.
@@ -107,6 +113,7 @@ class WeightedLeastNorm(DampedLeastSquares):
     """
 
 
+@check_call
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class GradientProjection(DampedLeastSquares):
     """The gradients of criteria, times their gains, projected onto what the task leaves free.
@@ -145,6 +152,7 @@ class GradientProjection(DampedLeastSquares):
         )
 
 
+@check_call
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class WeightedGradientProjection(GradientProjection):
     """Joints near position limits are clamped and repelled; criteria count where they are bad.
@@ -193,6 +201,7 @@ class WeightedGradientProjection(GradientProjection):
         return replace(method, priorities=np.stack(columns, axis=-1))
 
 
+@check_call
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class ConstrainedQP(GradientProjection):
     """The step of gradient projection that is nearest within limits: a quadratic program of joint rates.
@@ -218,6 +227,7 @@ class ConstrainedQP(GradientProjection):
                 raise InvalidInput(f"ConstrainedQP: positive joint_weights wanted, got {weights.min():g}")
 
 
+@check_call
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Nedungadi(Method):
     """The motion along which the kinetic energy's integral is stationary, from the start on: exact, not by steps.

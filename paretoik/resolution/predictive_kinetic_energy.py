@@ -9,6 +9,7 @@ from typing import TypeVar
 import numpy as np
 from jaxtyping import Float
 
+from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
 from paretoik.inputs import finite_array, shown
 from paretoik.resolution.method import Method, Number, Parameter, number
@@ -17,6 +18,7 @@ from paretoik.task.objectives import Objective, kinetic_energy
 Predictive = TypeVar("Predictive", bound="PredictiveKineticEnergy")
 
 
+@check_call
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class PredictiveKineticEnergy(Method):
     """The null space of the task is used to minimise the kinetic energy over a few samples ahead.

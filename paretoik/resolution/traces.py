@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Shaped
 
+from paretoik.call_arguments import check_call
 from paretoik.tables import field_representation, html_representation
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
@@ -46,6 +47,7 @@ class Traces:
         return type(self)(**{each.name: np.asarray(getattr(self, each.name)[index]) for each in fields(self)})
 
 
+@check_call
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ResolvedMotion(Motion):
     """A motion (*batch, time, dof) that a method resolved, and its ``traces``."""

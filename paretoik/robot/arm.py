@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import Jacobians, Vector3, read_only
+from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
 from paretoik.inputs import (
     ArrayLike,
@@ -46,6 +47,7 @@ from paretoik.tables import fit_screen, html_representation
 EARTH_GRAVITY = (0.0, 0.0, -9.81)  # m/s²
 
 
+@check_call
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Arm:
     """A serial arm, frozen; make one with ``planar``, ``from_dh`` or ``from_urdf``.

@@ -7,12 +7,14 @@ from typing import Literal
 
 import numpy as np
 
+from paretoik.call_arguments import check_call
 from paretoik.inputs import check_choice
 from paretoik.robot.arm import Arm
 
 TRINGALI_MASSES = {"printed": (0.615, 0.615, 0.307), "fitted": (0.619, 0.821, 0.503)}
 
 
+@check_call
 def tringali_3r(masses: Literal["printed", "fitted"] = "printed") -> Arm:
     """Return the planar prototype with three revolute joints of Tringali & Cocuzza 2020 (Table 1) and 2021.
 
@@ -33,6 +35,7 @@ def tringali_3r(masses: Literal["printed", "fitted"] = "printed") -> Arm:
     )
 
 
+@check_call
 def marcos_nr(links: Literal[3, 4] = 3) -> Arm:
     """Return the planar arm with 3 or 4 unit links of Marcos et al. 2012, section 5.1; kinematics only, no limits.
 
@@ -46,6 +49,7 @@ def marcos_nr(links: Literal[3, 4] = 3) -> Arm:
     return Arm.planar(lengths=[1.0] * links, name=f"Marcos {links}R")
 
 
+@check_call
 def wan_7r() -> Arm:
     """Return the arm with seven revolute joints of Wan et al. 2018, Table 1: modified DH, position and velocity limits.
 
@@ -68,6 +72,7 @@ def wan_7r() -> Arm:
     )
 
 
+@check_call
 def kim_3r(masses: Sequence[float] = (0.5, 0.5, 0.5)) -> Arm:
     """Return the planar arm with three revolute joints of Kim, Choi & Jang 2021, Table 2, under gravity (0, −9.81).
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
 from paretoik.inputs import ArrayLike, check_angles, check_magnitude, finite_array, finite_number, shown
 from paretoik.tables import field_representation, html_representation
@@ -19,6 +20,7 @@ from paretoik.tables import field_representation, html_representation
 UNIT_TOLERANCE = 1e-6  # a quaternion or a rotation matrix this near to orthonormal is normalised
 
 
+@check_call
 @dataclass(frozen=True, init=False, eq=False)
 class Pose:
     """Position and orientation of one frame: ``position`` (3,) [m] and unit ``quaternion`` (4,), (w, x, y, z).

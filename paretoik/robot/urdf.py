@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 
 from paretoik.arrays import Matrix3, Vector3
+from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput, InvalidRobot
 from paretoik.inputs import check_choice, check_mapping, file_path, shown
 from paretoik.robot.arm import EARTH_GRAVITY, Arm
@@ -50,6 +51,7 @@ def report_text(report: RobotReport) -> str:
     return "\n".join(lines)
 
 
+@check_call
 def check_robot(file: str | Path, base: str | None = None, tip: str | None = None) -> RobotReport:
     """Return what a URDF holds, between links ``base`` (default: the root) and ``tip`` (default: the only leaf).
 

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from pymoo.core.termination import NoTermination
 
 from paretoik.arrays import Genes, Ids, Mask, Objectives
+from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
 from paretoik.inputs import check_count, check_seed, check_size, integer_array, real_array, shown
 from paretoik.search.archive import Failures
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from paretoik.front import Front
 
 
+@check_call
 class Search:
     """An evolutionary search by generations: ``ask`` for genes, ``tell`` their objectives and constraints.
 

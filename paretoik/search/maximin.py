@@ -22,6 +22,7 @@ from pymoo.core.population import Population
 from pymoo.core.survival import Survival
 
 from paretoik.arrays import Ids, Mask, Values
+from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
 from paretoik.inputs import finite_number, real_array, shown
 from paretoik.search.constraints import EQUALITY_TOLERANCE, TOLERANCE, Floats, Integers, check_tolerance, violations
@@ -173,6 +174,7 @@ def _with_species(
     return order, np.concatenate((distance[stays], np.zeros(len(added))))
 
 
+@check_call
 class MaxiMin(Survival):  # type: ignore[misc]  # pymoo has no types
     """MaxiMin as a pymoo survival, for any pymoo problem and genetic algorithm: ``NSGA2(survival=MaxiMin())``.
 

@@ -16,6 +16,7 @@ from pymoo.operators.crossover.sbx import SBX
 from pymoo.operators.mutation.pm import PM
 from pymoo.util.display.multi import MultiObjectiveOutput
 
+from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
 from paretoik.inputs import check_count, check_instance, check_size, shown
 from paretoik.search.constraints import EQUALITY_TOLERANCE, TOLERANCE
@@ -26,6 +27,7 @@ from paretoik.search.variables import Operators, check_sampling, has_real_genes,
 from paretoik.tables import html_representation
 
 
+@check_call
 class MaxiMinNSGA2(GeneticAlgorithm):  # type: ignore[misc]  # pymoo has no types
     """NSGA-II whose survival is MaxiMin; for ``pymoo.optimize.minimize``, pymoo's ask and tell, and ``Search``.
 

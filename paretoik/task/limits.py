@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
 from paretoik.inputs import (
     check_function,
@@ -30,6 +31,7 @@ from paretoik.robot.scales import characteristic_length, joint_scales
 from paretoik.tables import field_representation, html_representation
 from paretoik.task.motion import Motion
 from paretoik.task.objectives import Form, Function, check_form, evaluate_function
+from paretoik.user_functions import function_name
 
 LIMIT_TOLERANCE = 1e-9  # share of a limit or its range that is rounding
 LIMITED = {"position": "q", "velocity": "dq", "acceleration": "ddq", "torque": "torque", "power": "power"}  # of Motion
@@ -43,6 +45,7 @@ JOINT_UNITS = {  # of joints that turn, and of those that slide
 Bounds = Float[np.ndarray, "#time dof 2"]
 
 
+@check_call
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Limits:
     """Limits on joint position, velocity, acceleration, torque and power |τᵢ q̇ᵢ|.
@@ -121,6 +124,7 @@ class Constraint:
         return np.asarray(violation.max(axis=-1) if self.form == "peak" else violation)
 
 
+@check_call
 def constraint(
     *,
     unit: str,
@@ -156,7 +160,7 @@ def constraint(
 
     def wrap(function: Function) -> Constraint:
         check_function("constraint", function)
-        label = name or function.__name__
+        label = name or function_name(function, f"lambda in [{lower:g}, {upper:g}] {unit}".rstrip())
         return Constraint(function=function, name=label, unit=unit, form=form, lower=lower, upper=upper, scale=size)
 
     return wrap
@@ -288,12 +292,7 @@ def _by_name(kind: str, limits: Mapping[str, Any], declared: np.ndarray, arm: Ar
         if joint not in arm.joint_names:
             hint = likely_spelling(joint, arm.joint_names)
             raise InvalidInput(f"{kind} limit: joints among {listed(arm.joint_names)} wanted, got {shown(joint)}{hint}")
-        try:
-            low, high = (float(side) for side in (value if isinstance(value, tuple) else (-value, value)))
-        except (TypeError, ValueError):
-            raise InvalidInput(
-                f"{kind} limit of {joint}: wants a number or (lower, upper), got {shown(value)}"
-            ) from None
+        low, high = _sides(f"{kind} limit of {joint}", value)
         if not low <= high:
             raise InvalidInput(f"{kind} limit of {joint}: wants lower ≤ upper, got {low} and {high}")
         bounds[arm.joint_names.index(joint)] = low, high

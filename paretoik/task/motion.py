@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import JointPaths, Rotations, Series, read_only
+from paretoik.call_arguments import check_call
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.inputs import check_flag, finite_array, real_array
 from paretoik.robot import dynamics, kinematics
@@ -34,6 +35,7 @@ from paretoik.task.summary import motion_text
 from paretoik.task.task import Task
 
 
+@check_call
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Motion:
     """Joint motions of one arm, (*batch, time, dof): the samples ``q`` [rad, m] at ``time`` (*batch, time) [s].

@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 import numpy as np
 
 from paretoik.arrays import Values
+from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
 from paretoik.inputs import check_choice, check_flag, check_function, check_text
 from paretoik.tables import html_representation
 from paretoik.task.motion import Motion
-from paretoik.user_functions import user_function
+from paretoik.user_functions import function_name, user_function
 
 Form = Literal["integral", "peak", "terminal", "general"]
 Function = Callable[[Motion], np.ndarray]
@@ -68,6 +69,7 @@ class Objective:
         return -1.0 if self.maximise else 1.0
 
 
+@check_call
 def objective(
     *, unit: str, form: Form, maximise: bool = False, name: str | None = None
 ) -> Callable[[Function], Objective]:
@@ -95,7 +97,8 @@ def objective(
 
     def wrap(function: Function) -> Objective:
         check_function("objective", function)
-        return Objective(function=function, name=name or function.__name__, unit=unit, form=form, maximise=maximise)
+        label = name or function_name(function)
+        return Objective(function=function, name=label, unit=unit, form=form, maximise=maximise)
 
     return wrap
 

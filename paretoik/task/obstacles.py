@@ -9,12 +9,14 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import Vector3
+from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
 from paretoik.inputs import ArrayLike, check_magnitude, finite_array, positive_number
 from paretoik.robot.pose import Pose, check_pose
 from paretoik.tables import field_representation, html_representation
 
 
+@check_call
 @dataclass(frozen=True, init=False, eq=False)
 class Circle:
     """A disc in the xy-plane, ``center`` (2,) and ``radius`` [m]; in space an infinite cylinder along z."""
@@ -33,6 +35,7 @@ class Circle:
         )
 
 
+@check_call
 @dataclass(frozen=True, init=False, eq=False)
 class Sphere:
     """A ball, ``center`` (3,) and ``radius`` [m]."""
@@ -51,6 +54,7 @@ class Sphere:
         )
 
 
+@check_call
 @dataclass(frozen=True, init=False, eq=False)
 class Capsule:
     """The points within ``radius`` of the segment from ``start`` (3,) to ``end`` (3,) [m], which may be one point."""
@@ -68,6 +72,7 @@ class Capsule:
         _freeze(self, start=first, end=last, radius=positive_number("capsule radius", radius, "m"))
 
 
+@check_call
 @dataclass(frozen=True, init=False, eq=False)
 class Box:
     """A box about ``center``, a point or, if it is rotated, a pose; ``half_sizes`` [m] along its own axes.

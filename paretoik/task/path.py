@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import Times, read_only
+from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
 from paretoik.inputs import ArrayLike, check_magnitude, check_size, finite_array, positive_number, shown
 from paretoik.robot.pose import quaternion_to_matrix, rotation_vector
@@ -19,6 +20,7 @@ Points: TypeAlias = Float[np.ndarray, "time axes"]
 Quaternions: TypeAlias = Float[np.ndarray, "time 4"]
 
 
+@check_call
 @dataclass(frozen=True, eq=False, repr=False)
 class Path:
     """Where the tool must be over time; made by ``line``, ``circle``, ``waypoints`` or ``poses``.

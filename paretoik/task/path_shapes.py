@@ -9,6 +9,7 @@ from typing import cast
 import numpy as np
 from jaxtyping import Float
 
+from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
 from paretoik.inputs import ArrayLike, check_magnitude, finite_array, finite_number, positive_number
 from paretoik.robot.pose import Pose, check_pose, rotation_vector
@@ -26,6 +27,7 @@ class PathOptions:
 OPTIONS = PathOptions()
 
 
+@check_call
 def line(
     start: Pose | ArrayLike,
     end: Pose | ArrayLike,
@@ -68,6 +70,7 @@ def line(
     return sample_curve(TimedCurve(shape, times[-1], timing), times)
 
 
+@check_call
 def circle(
     center: Pose | ArrayLike,
     radius: float,
@@ -119,6 +122,7 @@ def circle(
     return sample_curve(TimedCurve(shape, times[-1], timing), times)
 
 
+@check_call
 def waypoints(
     points: Sequence[Pose] | Pose | ArrayLike,
     *,
@@ -158,6 +162,7 @@ def waypoints(
     return sample_curve(TimedCurve(interpolate(knots, positions, quaternions), times[-1], timing), times)
 
 
+@check_call
 def poses(times: ArrayLike, poses: Sequence[Pose] | Pose | ArrayLike) -> Path:
     """Path through ``poses`` at ``times`` [s]: a sequence of poses, or an array of points (time, 2 or 3) [m].
 

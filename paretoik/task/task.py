@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import Times
+from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
 from paretoik.inputs import check_choice, check_instance, check_text, shown
 from paretoik.robot.arm import Arm
@@ -34,6 +35,7 @@ Axes = Literal["xy", "xy+angle", "xyz", "xyz+z-axis", "pose"]
 ROWS: dict[str, int] = {"xy": 2, "xy+angle": 3, "xyz": 3, "xyz+z-axis": 5, "pose": 6}
 
 
+@check_call
 @dataclass(frozen=True, eq=False)
 class Task:
     """Frame ``frame`` of the arm follows ``path`` in ``axes``.

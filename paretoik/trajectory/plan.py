@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from paretoik.call_arguments import check_call
 from paretoik.errors import Infeasible, SolverFailed
 from paretoik.nlp.minimise import check_solver, minimise
 from paretoik.nlp.program import Solver
@@ -62,6 +63,7 @@ class Optimum:
     _repr_html_ = html_representation
 
 
+@check_call
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Plan:
     """Distinct local optima, best first, each with ``motion``, ``objective``, ``label`` of its branch and ``status``.

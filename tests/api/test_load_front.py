@@ -26,7 +26,7 @@ def test_a_run_that_names_no_problem_still_has_its_joint_positions(run):
 
 
 def test_another_problem_is_refused_by_its_fingerprint(run):
-    with pytest.raises(InvalidInput, match="wants the problem that the run solved, but its fingerprint is another"):
+    with pytest.raises(InvalidInput, match="the problem that the run solved, got one whose fingerprint is another"):
         load_front(run[0], tracking(velocity=6.5))
 
 

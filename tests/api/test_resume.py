@@ -121,7 +121,7 @@ def test_a_run_goes_on_as_often_as_it_is_stopped(copy):
 
 
 def test_another_problem_is_refused_and_the_run_stays(copy):
-    with pytest.raises(InvalidInput, match="wants the problem that the run solves, but its fingerprint is another"):
+    with pytest.raises(InvalidInput, match="the problem that the run solves, got one whose fingerprint is another"):
         pk.resume(copy, tracking(velocity=1.0))
     with pytest.raises(InvalidInput, match="the problem wanted that the run solves"):
         pk.resume(copy)

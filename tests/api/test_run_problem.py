@@ -146,10 +146,10 @@ def test_the_projects_problem_is_loaded_unasked(project):
 def test_a_problem_that_was_edited_since_leaves_the_run_its_positions(project):
     file = Path("papers/users_motions.py")
     file.write_text(file.read_text().replace("6.0", "6.5"))
-    with pytest.warns(RuntimeWarning, match="come without their arm: .*but its fingerprint is another"):
+    with pytest.warns(RuntimeWarning, match="come without their arm: .*got one whose fingerprint is another"):
         front = pk.load_front(project)
     assert len(front.motions) == len(front)
-    with pytest.raises(InvalidInput, match="its fingerprint is another"):
+    with pytest.raises(InvalidInput, match="whose fingerprint is another"):
         pk.load_front(project, "papers/users_motions.py:motions")
 
 
@@ -168,7 +168,7 @@ def test_a_run_of_another_scheme_says_that_another_version_made_it(run, problem,
     front = pk.Front.load(run[0])
     provenance = {**front.provenance, "fingerprint": "c0ffee" * 10}
     pk.Front(**{**{name: getattr(front, name) for name in COLUMNS}, "provenance": provenance}).save(tmp_path / "old")
-    with pytest.raises(InvalidInput, match=r"another version of paretoik made the run.*whether it is of this problem"):
+    with pytest.raises(InvalidInput, match=r"a run of another version of paretoik.*whether it is of this problem"):
         pk.load_front(tmp_path / "old", problem)
     assert len(pk.load_front(tmp_path / "old")) == len(front)
 
@@ -179,6 +179,26 @@ def test_in_a_projects_folder_a_file_of_another_folder_than_the_runs_is_the_user
         check_own(Path(run), f"{Path('papers').resolve()}/users_motions.py:motions")
     with pytest.raises(InvalidInput, match="lies beside the run"):
         check_own(Path("papers/run"), "papers/users_motions.py:motions")
+
+
+def test_whoever_is_in_a_runs_folder_is_in_no_project(project, run, monkeypatch):
+    """A stranger's run may hold other runs, and a problem of theirs: all of it came together."""
+    inner = naming(run[0], project / "inner", "evil.py:problem")
+    naming(run[0], Path("elsewhere"), "runs/first/evil.py:problem")
+    elsewhere = Path("elsewhere").resolve()
+    for folder in (project, inner, project / "checkpoint"):
+        folder.mkdir(exist_ok=True)
+        (folder / "evil.py").write_text(EVIL.format(mark=str(elsewhere / "mark")))
+    with pytest.raises(InvalidInput, match=r"lies beside the run|in a run's folder"):
+        check_own(elsewhere, "runs/first/evil.py:problem")
+    for folder in (project.resolve(), project.resolve() / "checkpoint"):
+        monkeypatch.chdir(folder)
+        for opened in (project.resolve(), inner.resolve(), elsewhere):
+            with pytest.raises(InvalidInput, match=r"lies beside the run|in a run's folder"):
+                check_own(opened, "evil.py:problem")
+            with pytest.warns(RuntimeWarning, match="come without their arm"):
+                pk.load_front(opened)
+    assert not (elsewhere / "mark").exists()
 
 
 @pytest.mark.parametrize("home", [".", "papers"])

@@ -202,11 +202,11 @@ def test_what_processors_differ_in_is_the_same_problem():
 
 @pytest.mark.parametrize("stored", [None, "", "c0ffee" * 10, 5])
 def test_fingerprints_of_another_version_are_not_compared(stored):
-    with pytest.raises(pk.InvalidInput, match="run: wants it, but another version of paretoik made the run"):
+    with pytest.raises(pk.InvalidInput, match="run: wants it, got a run of another version of paretoik"):
         check_fingerprint(Plain(), stored, wish="run: wants it")
 
 
 def test_another_problem_is_said_to_be_another():
     check_fingerprint(Plain(), fingerprint(Plain()), wish="")
-    with pytest.raises(pk.InvalidInput, match="run: wants it, but its fingerprint is another"):
+    with pytest.raises(pk.InvalidInput, match="run: wants it, got one whose fingerprint is another"):
         check_fingerprint(Plain(3.0), fingerprint(Plain()), wish="run: wants it")

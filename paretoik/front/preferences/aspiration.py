@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Bool
 
 from paretoik.arrays import Values
+from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
 from paretoik.front.front import Choice, Front
 from paretoik.front.preference_options import OPTIONS
@@ -19,6 +20,7 @@ from paretoik.front.ties import first_row
 from paretoik.tables import html_representation
 
 
+@check_call
 @dataclass(frozen=True, init=False, eq=False)
 class Aspiration:
     """Values of the objectives that one would like, by name, in their own units and sign; those not named are free.

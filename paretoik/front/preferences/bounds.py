@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from paretoik.call_arguments import check_call
 from paretoik.errors import Infeasible
 from paretoik.front.choice import Preference
 from paretoik.front.front import Choice, Front
@@ -19,6 +20,7 @@ from paretoik.front.ties import first_row
 from paretoik.tables import html_representation
 
 
+@check_call
 @dataclass(frozen=True, init=False, eq=False)
 class Bounds:
     """Bounds (lower, upper) of objectives by name, in their own units and sign, None where open, and what then decides.

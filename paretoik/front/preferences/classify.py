@@ -9,6 +9,7 @@ from types import MappingProxyType
 import numpy as np
 
 from paretoik.arrays import Mask, Values
+from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
 from paretoik.front.explanation import compare
 from paretoik.front.front import Choice, Front
@@ -21,6 +22,7 @@ from paretoik.inputs import is_integer, read_list, shown
 from paretoik.tables import html_representation
 
 
+@check_call
 @dataclass(frozen=True, init=False, eq=False)
 class Classify:
     """Every objective in one class, seen from a ``current`` point (an id or a Choice): the classes of NIMBUS.

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from paretoik.arrays import Values
+from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
 from paretoik.front.front import Choice, Front
 from paretoik.front.preference_options import OPTIONS
@@ -16,6 +17,7 @@ from paretoik.front.ties import first_row
 from paretoik.tables import html_representation
 
 
+@check_call
 @dataclass(frozen=True, kw_only=True)
 class Knee:
     """The knee: the point from which any step costs the most beside what it gains.

@@ -8,6 +8,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
 from paretoik.front.front import Choice, Front
 from paretoik.front.preference_options import OPTIONS
@@ -18,6 +19,7 @@ from paretoik.inputs import shown
 from paretoik.tables import html_representation
 
 
+@check_call
 @dataclass(frozen=True, init=False, eq=False)
 class Lexicographic:
     """Objectives in the order of their importance, each with how far from its best value is still as good.

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import Objectives, Values
+from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
 from paretoik.front.front import Choice, Front
 from paretoik.front.preferences.named_numbers import named_text
@@ -20,6 +21,7 @@ from paretoik.inputs import finite_number, shown
 from paretoik.tables import html_representation
 
 
+@check_call
 @dataclass(frozen=True, init=False, eq=False)
 class Robust:
     """Weights that may each be wrong by a share ``uncertainty``, and the point regretted least whichever are right.

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from paretoik.arrays import Values
+from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
 from paretoik.front.explanation import compare_neighbours
 from paretoik.front.front import Choice, Front
@@ -19,6 +20,7 @@ from paretoik.inputs import shown
 from paretoik.tables import html_representation
 
 
+@check_call
 @dataclass(frozen=True, init=False, eq=False)
 class Weights:
     """Weights of the objectives, by name; an objective that is not named has weight 0.

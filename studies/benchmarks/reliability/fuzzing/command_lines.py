@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import io
 import os
 import shutil
@@ -9,6 +10,8 @@ import sys
 from contextlib import ExitStack, chdir, redirect_stderr, redirect_stdout
 from pathlib import Path
 from unittest.mock import patch
+
+import typer
 
 from paretoik.cli import main
 from studies.benchmarks.reliability.fuzzing.defect import Defect, check_message, refusals
@@ -31,6 +34,9 @@ class CommandLines:
     def __init__(self, folder: Path) -> None:
         self._folder = folder / "project"
         self._folder.mkdir()
+        run = {f"run/{name}": content for name, content in whole_run(folder / "run").items()}
+        self._contents = run | {name: text.encode() for name, text in FILES.items()}
+        self._get_command = functools.cache(typer.main.get_command)  # which else reads all signatures anew
 
     def __call__(self, data: bytes) -> None:
         """Run a command; raise Defect."""
@@ -38,17 +44,14 @@ class CommandLines:
 
     def run(self, words: list[str]) -> None:
         """Run the words of a command; raise Defect."""
-        shutil.rmtree(self._folder)
-        self._folder.mkdir()
-        whole_run(self._folder / "run")
-        for name, text in FILES.items():
-            (self._folder / name).write_text(text)
+        self._make_project()
         out, err = io.StringIO(), io.StringIO()
         code: object = None
         argv = patch.object(sys, "argv", ["paretoik", *words])
         with ExitStack() as stack:
             for context in (refusals(), chdir(self._folder), redirect_stdout(out), redirect_stderr(err), argv):
                 stack.enter_context(context)
+            stack.enter_context(patch.object(typer.main, "get_command", self._get_command))
             stack.enter_context(patch.dict(os.environ))
             stack.enter_context(patch.object(sys, "path", [*sys.path]))
             for name in SCREENS:
@@ -60,6 +63,13 @@ class CommandLines:
             except SystemExit as end:
                 code = 0 if end.code is None else end.code
         _check(code, out.getvalue(), err.getvalue(), several=words[0] == "list")
+
+    def _make_project(self) -> None:
+        """Make the folder anew, as the command before may have left anything there."""
+        shutil.rmtree(self._folder)
+        for name, content in self._contents.items():
+            (self._folder / name).parent.mkdir(parents=True, exist_ok=True)
+            (self._folder / name).write_bytes(content)
 
 
 def _check(code: object, out: str, err: str, *, several: bool) -> None:

@@ -15,7 +15,7 @@ class FuzzingOptions:
     seconds: int = 600
     quick: int = 10
     longest: int = 8192
-    hang: int = 30
+    hang: int = 120
     tips: int = 3
 
 

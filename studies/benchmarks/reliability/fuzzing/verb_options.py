@@ -32,7 +32,7 @@ VALUES = (
 
 TARGETS = {
     "list": "no_problem.py",
-    "solve": "tiny.py:tiny --out new --population 4 --generations 2",
+    "solve": "tiny.py:tiny --out run --population 4 --generations 2",  # searches, and records, with --overwrite alone
     "plan": "tiny.py:tiny --out new",
     "front": "tiny.py:tiny --out new",
     "refine": "run --out new",
