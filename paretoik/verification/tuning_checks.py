@@ -163,4 +163,6 @@ def _left_out(problem: Any) -> Iterator[Check]:
     elif count > 1:
         reason = f"the table has the mean of {count} motions, of which one is stored: no objective was computed again"
         yield leave_out("objectives from all starts", reason)
-    yield leave_out("the method's steps", "that the stored motion is what the method makes of its numbers and start")
+    yield leave_out(
+        "the method's steps", "the stored motion is not resolved a second time from the method's numbers and its start"
+    )

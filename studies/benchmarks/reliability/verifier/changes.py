@@ -257,5 +257,9 @@ def leave_the_path_tuned(run: Edited) -> None:
     run.motions["q"][0, 6, 0] += 0.3
 
 
+def slow_down_on_paper(run: Edited) -> None:
+    run.table["speed_ratio"][0] *= 1 + 1e-6
+
+
 def begin_elsewhere(run: Edited) -> None:
     run.motions["q"][0, 0] += 1e-6

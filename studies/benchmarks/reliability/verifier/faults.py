@@ -62,6 +62,7 @@ FAULTS: dict[str, tuple[str, Callable[[Edited], None], str]] = {
     "a resolved motion off its path": ("resolved", changes.leave_the_path, "tracking"),
     "a tuned speed too good for its motion": ("tuning", changes.boast_of_a_tuned_speed, "objective speed_ratio"),
     "a tuned margin too good for its motion": ("tuning", changes.boast_of_a_tuned_margin, "objective limit_margin"),
+    "a tuned speed edited": ("tuning from one start", changes.slow_down_on_paper, "objective speed_ratio"),
     "a tuned motion off its path": ("tuning", changes.leave_the_path_tuned, "objective tracking_error"),
     "a tuned motion from another start": ("tuning", changes.begin_elsewhere, "start"),
 }

@@ -70,10 +70,14 @@ def planned() -> pk.Tracking:
     return tracking(pk.kinetic_energy)
 
 
-def tuned() -> pk.Tuning:
+def tuned(**options: Any) -> pk.Tuning:
     method = pk.methods.DampedLeastSquares(damping=0.05)
     arm = replace(ARM, position_limits=np.tile([-2.5, 2.5], (3, 1)))
-    return pk.Tuning(arm, LINE, method, starts=tracking().encoding.charts.base[:3, 0], tolerance=None)
+    return pk.Tuning(arm, LINE, method, starts=tracking().encoding.charts.base[:3, 0], tolerance=None, **options)
+
+
+def tuned_from_one_start() -> pk.Tuning:
+    return tuned(judged_starts=1, objectives=[pk.kinetic_energy, pk.measures.tracking_error, pk.measures.speed_ratio])
 
 
 def search(problem: Any, out: Path) -> None:
@@ -130,6 +134,7 @@ KINDS: dict[str, tuple[Callable[[], Any], Callable[[Any, Path], None]]] = {
     "refinement": (tracking, refine),
     "navigation": (tracking, navigate),
     "tuning": (tuned, search),
+    "tuning from one start": (tuned_from_one_start, search),
     "certified": (tracking, sweep),
     "certified cyclic": (cyclic, sweep),
     "plan": (planned, plan),
