@@ -19,6 +19,7 @@ import pytest
 
 import paretoik
 from paretoik.run_files import RUN, run_bytes
+from studies.benchmarks.scaling.local_cluster import local_cluster
 from tests.cli.commands import MINE, SMALL
 from tests.traces import Trace, trace
 
@@ -29,6 +30,16 @@ BAIT = "import os; os.mkdir({place!r})\n"  # what would be there if it were run
 MODULES = ("sitecustomize", "usercustomize", "numpy", "rerun", "matplotlib", "paretoik", "users_own", "pickle", "json")
 CODE = (".py", ".pyc", ".pkl", ".pickle", ".pth", ".so", ".nbi", ".nbc")
 LATEX = "text.usetex: True\n"
+OTHERS = """
+from paretoik import ClosedLoop, circle
+
+def single() -> Tracking:
+    return tracking(kinetic_energy)
+
+def loop() -> ClosedLoop:
+    path = circle([0.3, 0.0], 0.05, duration=0.3, samples=4, timing="uniform")
+    return ClosedLoop(tringali_3r(), path)
+"""
 FRONT = "import sys, paretoik as pk; front = pk.load_front(sys.argv[1]); print(front.ids, front.motions)"
 
 
@@ -41,7 +52,7 @@ class Desk:
     def __post_init__(self) -> None:
         for folder in (self.project, self.home, self.temporary):
             folder.mkdir()
-        (self.project / "users_own.py").write_text(MINE)
+        (self.project / "users_own.py").write_text(MINE + OTHERS)
 
     @property
     def project(self) -> Path:
@@ -143,6 +154,37 @@ def test_a_search_writes_into_its_folder_and_talks_to_nobody(desk):
 
 def test_so_do_workers(desk):
     check(desk.solve("run", "--workers", "2"), desk, desk.project / "run")
+
+
+def test_so_does_a_plan(desk):
+    seen = desk.paretoik("plan", "users_own.py:single", "--out", "run", "--starts", "2")
+    check(seen, desk, desk.project / "run")
+
+
+def test_so_does_a_front_of_levels(desk):
+    seen = desk.paretoik("front", "users_own.py:good", "--out", "run", "--points", "3", "--starts", "2")
+    check(seen, desk, desk.project / "run")
+
+
+def test_so_does_a_closed_loop(desk):
+    check(desk.paretoik("solve", "users_own.py:loop", "--out", "run", *SMALL), desk, desk.project / "run")
+
+
+def test_so_does_a_run_that_is_watched(desk):
+    """Without a screen: it serves its recording, on the loopback alone."""
+    seen = desk.solve("run", "--live")
+    check(seen, desk, desk.project / "run")
+    assert "live, without a screen" in seen.ended.stderr
+    assert seen.listening()
+
+
+def test_so_does_the_client_of_a_cluster(desk, tmp_path_factory):
+    """What scheduler and workers do is Dask's, and whoever starts them says where they listen."""
+    pytest.importorskip("distributed", reason="Dask is not installed: pip install paretoik[cluster]")
+    with local_cluster(tmp_path_factory.mktemp("dask"), 1) as cluster:
+        seen = desk.solve("run", "--cluster", cluster.address)
+    check(seen, desk, desk.project / "run")
+    assert not seen.listening()
 
 
 def test_so_does_a_run_that_is_stopped_and_goes_on(desk):

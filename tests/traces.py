@@ -130,6 +130,10 @@ class Trace:
         """Return the addresses that are of other machines, or at which other machines are listened to."""
         return {(address, port) for address, port in self.addresses if not ip_address(address).is_loopback}
 
+    def listening(self) -> set[tuple[str, int]]:
+        """Return the Internet addresses and ports that were listened to."""
+        return {address for call in self.calls if call.name == "listen" for address in call.addresses}
+
     def look_ups(self) -> set[object]:
         """Return what looking a name up asks: name servers, and the files that say where they are."""
         return {path for path in self.opened if path in NAME_SERVICE} | {

@@ -107,7 +107,7 @@ def _refusal(place: Path) -> AbstractContextManager[None]:
 
 def check_no_run(folder: Path) -> None:
     """Raise InvalidInput where a process runs in a folder, holding its lock."""
-    if (folder / LOCK).exists():
+    if os.path.lexists(folder / LOCK):
         with _refusal(folder):
             lock = _open_lock(folder)
         with lock:

@@ -252,7 +252,7 @@ def _check_not_at_end(front: Front, row: int, axis: int, payers: Sequence[int]) 
     weight = float(front.certificates.weights[row, list(payers)].sum())
     if weight < WEIGHT_TOLERANCE and not (front.minimised[:, axis] < front.minimised[row, axis]).any():
         raise InvalidInput(
-            f"improve: wants an objective that can get better, but point {front.ids[row]} is the end of the front in "
+            f"improve: wants an objective that can get better, got point {front.ids[row]}, the end of the front in "
             f"{front.names[axis]}"
         )
 

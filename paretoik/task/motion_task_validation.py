@@ -193,7 +193,7 @@ def _check_paths_end_at_rest(tasks: tuple[Task, ...]) -> None:
         end = np.linalg.norm(np.diff(path.at(instants)[0], axis=0)) / np.diff(instants)[0]
         mean = np.linalg.norm(np.diff(path.positions, axis=0), axis=1).sum() / path.duration
         if end > 0.01 * mean:
-            raise InvalidInput(f"end_velocity=0 wants a path that comes to rest, but it ends at {end:.3g} m/s")
+            raise InvalidInput(f"end_velocity=0 wants a path that comes to rest, got one that ends at {end:.3g} m/s")
 
 
 def _start_posture(arm: Arm, start: object) -> np.ndarray:

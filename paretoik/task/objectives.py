@@ -231,7 +231,7 @@ def obstacle_clearance(motion: AnyMotion) -> AnyValues:
     """
     if not motion.obstacles:
         raise InvalidInput(
-            "obstacle_clearance wants obstacles, but the problem has none (Tracking(..., obstacles=[...]))"
+            "obstacle_clearance wants obstacles, got a problem without any (Tracking(..., obstacles=[...]))"
         )
     return motion.clearance
 
@@ -249,5 +249,5 @@ def _limited_joints(
     """Return which joints have two different limits, and these; raise InvalidInput where none has."""
     limited = np.isfinite(upper - lower) & (upper > lower)
     if not limited.any():
-        raise InvalidInput(f"{name} wants {kind} limits at both ends, but no joint of the arm has these")
+        raise InvalidInput(f"{name} wants {kind} limits at both ends, got an arm none of whose joints has these")
     return limited, lower[limited], upper[limited]

@@ -130,7 +130,7 @@ class TracedMotion:
     def clearance(self) -> TracedArray:
         """As ``Motion.clearance``."""
         if not self.obstacles:
-            raise InvalidInput("motion.clearance wants obstacles, but the problem has none")
+            raise InvalidInput("motion.clearance wants obstacles, got a problem without any")
         smallest: TracedArray = reduce(np.minimum, [distance.min(-1) for distance in self.distances])
         return smallest
 

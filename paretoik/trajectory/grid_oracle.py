@@ -97,7 +97,7 @@ def grid_oracle(
     seeds, pace = postures_along_path(task, rng)
     terms = build_terms(task, np.stack([q[0] for q in seeds])[None])
     if quick and terms.second:
-        raise InvalidInput("grid_oracle: quick=True wants no accelerations, but objectives or limits look at them")
+        raise InvalidInput("grid_oracle: quick=True wants no accelerations, got objectives or limits of them")
     level = coarsest_level(task) if terms.second else task
     sample_index = np.searchsorted(task.times, level.times)
     windows = step_windows(level, OPTIONS.pace * pace * (len(task.times) - 1) / (len(level.times) - 1))

@@ -6,6 +6,7 @@ Nothing that they lead to changes: neither a file, nor what is in a folder, nor 
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 import warnings
@@ -18,7 +19,7 @@ from paretoik.errors import InvalidInput
 from paretoik.execution.former_run import PART
 from paretoik.execution.run_folder import LOCK
 from paretoik.file_replacement import SAVED
-from paretoik.run_files import CHECKPOINT, CONTENTS, FORMER, JOURNAL, RUN
+from paretoik.run_files import CHECKPOINT, CHOICES, CONTENTS, FORMER, JOURNAL, RECORDING, RUN
 from tests.api.problems import tracking
 from tests.cli.commands import ROOT, start_process
 
@@ -100,6 +101,36 @@ def test_a_link_planted_before_a_run_goes_on_changes_nothing_that_it_leads_to(tm
         except InvalidInput as refusal:
             assert "\n" not in str(refusal)  # noqa: PT017
     assert contents(elsewhere) == before
+
+
+@pytest.fixture(scope="module")
+def chosen(tmp_path_factory):
+    """A run with its recording, and a choice."""
+    folder = tmp_path_factory.mktemp("chosen") / "run"
+    pk.solve(tracking(), **SMALL, out=folder, observe=False).select("compromise")
+    return folder
+
+
+@pytest.mark.parametrize("kind", ["file", "folder", "nothing"])
+@pytest.mark.parametrize("name", [LOCK, SAVED, CHOICES, RECORDING])
+def test_a_link_planted_before_a_choice_is_shown_changes_nothing_that_it_leads_to(
+    tmp_path, elsewhere, chosen, name, kind
+):
+    """The lock of a run's folder is looked at before its recording is replaced."""
+    folder = shutil.copytree(chosen, tmp_path / "run")
+    recording = (folder / RECORDING).read_bytes()
+    front, before = pk.load_front(folder, tracking()), contents(elsewhere)
+    plant(folder, name, elsewhere / kind)
+    with warnings.catch_warnings(record=True) as warned:
+        warnings.simplefilter("always")
+        try:
+            front.select(pk.Weights(kinetic_energy=0.9, torque_norm=0.1))
+        except InvalidInput as refusal:
+            assert "\n" not in str(refusal)  # noqa: PT017
+    assert contents(elsewhere) == before
+    if name == LOCK:  # whether somebody is at work there is not known
+        assert any("the recording stays as it was" in str(each.message) for each in warned)
+        assert (folder / RECORDING).read_bytes() == recording
 
 
 @pytest.mark.parametrize("attempt", range(3))

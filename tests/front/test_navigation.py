@@ -100,7 +100,7 @@ def test_a_front_that_cannot_be_moved_along_is_refused_in_a_line():
 
 def test_at_the_end_of_a_front_nothing_gets_better():
     ends = front(certificates=certified(weights=[[1.0, 0.0, 0.0]] * 3))
-    with pytest.raises(InvalidInput, match="point 4 is the end of the front in energy"):
+    with pytest.raises(InvalidInput, match="got point 4, the end of the front in energy"):
         ends.navigate(4, improve="energy")
 
 

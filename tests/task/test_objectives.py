@@ -178,13 +178,13 @@ def test_the_limit_distance_is_zero_in_the_middle_and_an_eighth_per_joint_at_a_l
 
 def test_a_limit_distance_without_limits_is_refused():
     motion = Motion(arm=tringali_3r(), time=np.linspace(0, 1, 5), q=np.zeros((5, 3)))
-    with pytest.raises(InvalidInput, match="joint_limit_distance wants position limits at both ends, but no joint"):
+    with pytest.raises(InvalidInput, match="joint_limit_distance wants position limits at both ends, got an arm none"):
         pk.joint_limit_distance(motion)
 
 
 def test_a_clearance_without_obstacles_is_refused():
     motion = Motion(arm=tringali_3r(), time=np.linspace(0, 1, 5), q=np.zeros((5, 3)))
-    with pytest.raises(InvalidInput, match="obstacle_clearance wants obstacles, but the problem has none"):
+    with pytest.raises(InvalidInput, match="obstacle_clearance wants obstacles, got a problem without any"):
         pk.obstacle_clearance(motion)
 
 
