@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from paretoik.api.certificate_time import reserve_for_certificates, seconds_per_certificate
 from paretoik.api.certified_front import certified_front, no_worse
@@ -18,7 +18,7 @@ from paretoik.api.review_front import review_front
 from paretoik.api.run_session import Subject, run_session
 from paretoik.api.time_left import OPTIONS as TIME_LEFT
 from paretoik.api.verb_session import verb_session
-from paretoik.arrays import Genes, Ids, Points
+from paretoik.arrays import Genes, Ids, Points, Values
 from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
 from paretoik.execution.executor import check_workers
@@ -32,11 +32,32 @@ from paretoik.front.indicators import ranges_of
 from paretoik.inputs import check_flag, file_path, shown
 from paretoik.nlp.minimise import check_solver
 from paretoik.nlp.program import Solver
-from paretoik.pareto.improver import OPTIONS, suggest_points
+from paretoik.pareto.gap_filling import POINT_TOLERANCE, front_rows
+from paretoik.pareto.improver import OPTIONS as IMPROVER
+from paretoik.pareto.improver import suggest_points
 from paretoik.pareto.refine import refine as refine_points
+from paretoik.pareto.scalarisation import Observe
+from paretoik.pareto.warm_start import evaluate_points
 from paretoik.search.ask_tell import Search
 from paretoik.search.endings import Progress
 from paretoik.search.islands import Islands
+
+
+@dataclass(frozen=True, kw_only=True)
+class RefinementOptions:
+    """Points are refined anew, up to so many ``rounds`` in all, where a range has become less than this ``shrinkage``.
+
+    Criticality is measured in shares of the ranges: over those of a coarse search it is next to nothing at points that
+    are not critical over those of the front that they become. A range counts as at least a ``least`` share of what it
+    was: less is near to what solvers leave open.
+    """
+
+    rounds: int = 3
+    shrinkage: float = 0.5
+    least: float = 1e-3
+
+
+OPTIONS = RefinementOptions()
 
 
 @check_call
@@ -147,14 +168,14 @@ def refine_front(
     problem, formulation = _refinable(front, problem)
     ranges, ids = ranges_of(front.minimised), front.ids
     with verb_session(observe) as session:
-        x, program = formulation.front_points(front), formulation.program(ranges)
-        check_solver(program, solver)
+        x = formulation.front_points(front)
+        check_solver(formulation.program(ranges), solver)
         later = 0.0 if session.observe is None else seconds_per_certificate(formulation, x, ranges)
         again = TIME_LEFT.tightening if _keeps_between(problem) else 0.0
         then = "" if complete is None else "optimum"
         shown = count_observer(session.observe, "refinement", later=later, again=again, uniform=True, then=then)
         with reserve_for_certificates(len(x)):
-            x, converged = refine_points(program, x, len(ranges), solver=solver, observe=shown)
+            x, converged, ranges = _refine_over_own_ranges(formulation, x, ranges, solver, shown)
             if complete is not None:
                 individuals = no_worse(formulation, formulation.individuals(x), front, ranges)
                 x, ids, ranges = complete(formulation, individuals.x, ids, ranges, session.observe)
@@ -173,6 +194,29 @@ def refine_front(
         counts = {"points": len(front), "converged": int(converged.sum()), "seconds": round(session.seconds, 3)}
         status = {} if session.signal is None else {"status": session.signal}
         return replace(refined, provenance={**refined.provenance, "refined": counts, **status})
+
+
+def _refine_over_own_ranges(
+    formulation: Differentiable, x: Points, ranges: Values, solver: Solver, observe: Observe | None
+) -> tuple[Points, Bool[np.ndarray, " points"], Values]:
+    """Return points refined, which are local optima, and the ranges over which they are: about those of their front."""
+    ended = False
+
+    def show(done: int, total: int) -> object:
+        nonlocal ended
+        ended = bool(observe is not None and observe(done, total))
+        return ended
+
+    first, shares = ranges, np.ones(len(ranges))
+    for _ in range(OPTIONS.rounds):
+        program, before = formulation.program(first * shares), shares
+        x, converged = refine_points(program, x, len(ranges), solver=solver, observe=show)
+        values = evaluate_points(program, x).objectives[:, : len(ranges)] * before
+        widths = np.ptp(values[front_rows(values)], axis=0)
+        shares = np.where(widths > POINT_TOLERANCE, np.maximum(widths, OPTIONS.least), before)
+        if ended or (shares > OPTIONS.shrinkage * before).all():
+            break
+    return x, converged, first * before
 
 
 def _keeps_between(problem: Any) -> bool:
@@ -216,7 +260,7 @@ class SearchImprover:
     def __call__(self, progress: Progress) -> Genes | None:
         """Return genes to be evaluated next, or None."""
         front = self._search.archive.members
-        due = progress.generation % OPTIONS.every == 0 and self.spent <= OPTIONS.share * progress.evaluations
+        due = progress.generation % IMPROVER.every == 0 and self.spent <= IMPROVER.share * progress.evaluations
         if not due or front is None or len(front) < 2:
             return None
         x = self._formulation.points(front.X)

@@ -119,7 +119,8 @@ def _how(front: Front, request: NavigationRequest, destination: Destination, is_
 
 def _certified(certificate: Certificates) -> str:
     residual, status = float(certificate.kkt_residual[0]), str(certificate.status[0])
-    return f"Certificate: {status}, residual {residual:.1e}, violation {float(certificate.violation_between[0]):.1e}."
+    at, between = float(certificate.violation[0]), float(certificate.violation_between[0])
+    return f"Certificate: {status}, residual {residual:.1e}, violation {at:.1e} at samples, {between:.1e} between."
 
 
 def _points(ids: list[int]) -> str:

@@ -8,11 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from paretoik.arrays import Objectives, Values
+<<<<<<< HEAD
 from paretoik.call_arguments import check_call
 from paretoik.errors import Infeasible
+=======
+>>>>>>> 97d25d964511af987ea396b620a693393004f175
 from paretoik.front.preference_options import OPTIONS
 from paretoik.front.reason import percent, subject
-from paretoik.front.subset import check_front
+from paretoik.front.subset import check_front, check_has_points
 from paretoik.front.ties import first_row
 from paretoik.tables import html_representation
 
@@ -62,6 +65,5 @@ def compromise(front: Front) -> Choice:
 
     Raises Infeasible where the front is empty.
     """
-    if len(front) == 0:
-        raise Infeasible("compromise: wanted a front of at least one point, got none: no point was feasible")
+    check_has_points(front, "compromise")
     return Compromise().choose(front)

@@ -17,7 +17,7 @@ from paretoik.front.certificates import WEIGHT_TOLERANCE
 from paretoik.front.prediction import Prediction
 from paretoik.front.provenance import NAVIGATIONS
 from paretoik.front.subset import check_known, row_of
-from paretoik.inputs import check_size, finite_number, read_list, shown
+from paretoik.inputs import check_size, finite_number, listed, read_list, shown
 
 if TYPE_CHECKING:  # a front asks this file to move
     from paretoik.front.front import Choice, Front
@@ -267,8 +267,10 @@ def _critical_row(front: Front, choice: Choice | int | None, verb: str) -> int:
         raise InvalidInput(f"{verb}: wants a front with certificates, such as refine(front), got one without")
     residual = float(front.certificates.kkt_residual[row])
     if not residual <= DEFAULTS.critical:
+        critical = front.ids[front.certificates.kkt_residual <= DEFAULTS.critical]
+        others = f"critical are {listed(map(str, critical))}" if len(critical) else "refine the front first"
         raise InvalidInput(
-            f"{verb}: wants a critical point, got point {front.ids[row]} of residual {residual:.1e}: refine it first"
+            f"{verb}: wants a critical point, got point {front.ids[row]} of residual {residual:.1e}: {others}"
         )
     return row
 

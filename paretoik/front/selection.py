@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from paretoik.errors import Infeasible, InvalidInput
+from paretoik.errors import InvalidInput
 from paretoik.front.choice import Choice, Preference
+from paretoik.front.subset import check_has_points
 from paretoik.front.viewing import show_choice
 from paretoik.inputs import check_flag
 
@@ -31,8 +32,7 @@ def select(front: Front, preference: Preference | str | Mapping[str, float] | in
     from paretoik.front.preferences.requests import as_preference, ask
 
     check_flag("keep", keep)
-    if len(front) == 0:
-        raise Infeasible("select: wanted a front of at least one point, got none: no point was feasible")
+    check_has_points(front, "select")
     wish = as_preference(preference)
     of_problem: Callable[[Front, Preference], Choice] | None = getattr(front.problem, "select", None)
     choice = ask(wish, front) if of_problem is None else of_problem(front, wish)

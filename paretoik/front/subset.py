@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from paretoik.arrays import Mask
-from paretoik.errors import InvalidInput
+from paretoik.errors import Infeasible, InvalidInput
 from paretoik.front.provenance import LARGEST_ID, NAVIGATIONS
 from paretoik.inputs import check_mapping, finite_number, is_integer, shown
 
@@ -26,6 +26,13 @@ def check_front(front: object) -> None:
 
     if not isinstance(front, Front) or len(front) == 0:
         raise InvalidInput(f"front: a front of at least one point wanted, got {shown(front)}")
+
+
+def check_has_points(front: Front, verb: str) -> None:
+    """Raise Infeasible, in the name of a verb, where a front is empty."""
+    if len(front) == 0:
+        cause = "no point was feasible" if largest_id(front) < 0 else "this part of the front has no point"
+        raise Infeasible(f"{verb}: wanted a front of at least one point, got none: {cause}")
 
 
 def row_of(front: Front, number: object, *, name: str = "front") -> int:

@@ -50,14 +50,18 @@ def select_chain(
         for joint in moving
         if joint.mimic or joint.type not in JOINT_TYPES
     ]
-    links = dict.fromkeys((start, *(joint.child for joint in path)))
-    aside = [robot.links[joint.child] for joint in below if joint.child not in links]
-    faults += list_messages(inertia_faults(robot.links[link] for link in links))
+    links = [start, *(joint.child for joint in path)]
+    first_moved = next((row + 1 for row, joint in enumerate(path) if joint in moving), len(links))
+    still, moved = links[:first_moved], links[first_moved:]
+    aside = [joint.child for joint in below if joint.child not in links]
+    faults += list_messages(inertia_faults(robot.links[link] for link in moved))
     if not moving:
         faults.append(f"a joint that moves wanted between {start!r} and {end!r}, got none")
     leaders = {joint.name for joint in moving}
     notices = [_frozen_notice(joint, frozen[name], path, leaders) for name, joint in others.items()]
-    notices += [f"{fault}; off the chain, taken as a point mass" for fault in list_messages(inertia_faults(aside))]
+    for names, consequence in ((still, "no joint moves it, left out"), (aside, "off the chain, taken as a point mass")):
+        wrong = inertia_faults(robot.links[link] for link in names)
+        notices += [f"{fault}; {consequence}" for fault in list_messages(wrong)]
     if start != robot.roots[0]:
         notices.insert(0, f"base {start!r} is not the root {robot.roots[0]!r}: what is above it is left out")
     for name in _massless_joints(robot, start, below, moving):

@@ -187,3 +187,42 @@ def test_polishing_that_fails_leaves_the_run_as_it_was_found(tmp_path):
     stored_front = pk.load_front(tmp_path / "run", walk())
     assert len(stored_front) > 1
     assert stored_front.provenance["status"] == "InvalidInput"
+
+
+@pk.objective(unit="rad", form="peak")
+def angle(motion):
+    """Return how far the first joint is from an angle."""
+    return np.abs(motion.q[..., 0] - 0.2)
+
+
+@pk.objective(unit="rad²s", form="integral")
+def way(motion):
+    """Return how far the first joint is from another one, and how much all joints move."""
+    return np.abs(motion.dq).sum(axis=-1) * 1e-3 + (motion.q[..., 0] - 0.3) ** 2
+
+
+def test_points_are_critical_over_the_ranges_of_the_front_that_they_become():
+    path = pk.line((0.2, 0.1), (0.2, 0.2), duration=1.0, samples=9)
+
+    def offset(to):
+        return pk.objective(unit="", form="integral", name="offset")(
+            lambda motion: (motion.q[..., 0] - to) ** 2 + 1e-3 * motion.dq[..., 0] ** 2
+        )
+
+    arm = pk.arms.tringali_3r()
+    far = [pk.plan(pk.Tracking(arm, path, objectives=[offset(to)]), starts=4).best.motion for to in (-0.5, 0.925)]
+    problem = pk.Tracking(arm, path, objectives=[angle, way])
+    motions = problem.task.motion(np.stack([motion.q for motion in far]))
+    coarse = pk.Front(
+        ids=np.arange(2),
+        objectives=problem.evaluate(problem.encode(motions)[0], return_values_of=["F"]),
+        names=problem.names,
+        units=problem.units,
+        maximised=problem.maximised,
+        motions=motions,
+        problem=problem,
+    )
+    refined = pk.refine(coarse, observe=False)
+    assert (np.ptp(refined.objectives, axis=0) < 0.2 * np.ptp(coarse.objectives, axis=0)).all()
+    assert refined.certificates.status.tolist() == ["minimum", "minimum"]
+    assert refined.certificates.kkt_residual.max() <= 1e-6

@@ -69,6 +69,11 @@ def test_an_empty_front_exists_and_says_so_when_chosen_from():
         front.select(Weights(f0=1.0))
 
 
+def test_an_empty_part_of_a_front_is_not_taken_for_an_infeasible_problem(front):
+    with pytest.raises(Infeasible, match="this part of the front has no point"):
+        front.where(energy=(None, 0.0)).select("knee")
+
+
 def test_a_summary_names_values_and_units(front):
     assert repr(front) == "Front of 5 points: energy 1 to 5 J s, reach 1 to 25 m (maximised)"
 

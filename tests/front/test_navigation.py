@@ -86,6 +86,7 @@ def test_a_front_that_cannot_be_moved_along_is_refused_in_a_line():
         ({"problem": None}, "the problem of the front, which is not at hand"),
         ({"problem": object()}, "a problem with gradients, such as Tracking, got a front of object"),
         ({"certificates": certified(residual=1e-3)}, "a critical point, got point 7 of residual 1.0e-03"),
+        ({"certificates": certified(residual=[0.0, 2e-6, 1e-9])}, "point 7 of residual 2.0e-06: critical are 4, 9"),
         ({"certificates": certified(residual=np.nan)}, "a critical point, got point 7 of residual nan"),
     ):
         for move in (

@@ -135,6 +135,21 @@ def test_an_antenna_with_a_wrong_inertia_is_a_point_mass_and_is_told(write_urdf,
             Arm.from_urdf(file, tip="antenna")
 
 
+@pytest.mark.parametrize("frozen", [False, True])
+def test_a_link_that_no_joint_moves_may_have_any_inertia(write_urdf, frozen):
+    mount = joint("mount", "world", "a", "revolute" if frozen else "fixed")
+    right = write_urdf(link("world"), mount, *chain_of_three(), name="right.urdf")
+    wrong = write_urdf(link("world", WRONG), mount, *chain_of_three(), name="wrong.urdf")
+    options = {"tip": "d", "fixed": {"mount": 0.3} if frozen else None}
+    arm, other = Arm.from_urdf(wrong, **options), Arm.from_urdf(right, **options)
+    words = "link 'world': inertia must keep the triangle inequality"
+    assert next(notice for notice in arm.notices if words in notice).endswith("; no joint moves it, left out")
+    q = np.random.default_rng(3).normal(size=(3, 3))
+    np.testing.assert_array_equal(inverse_dynamics(arm, *q), inverse_dynamics(other, *q))
+    with pytest.raises(InvalidRobot, match="link 'd': inertia must keep the triangle inequality"):
+        Arm.from_urdf(write_urdf(*chain_of_three(last=WRONG)), tip="d")
+
+
 def test_without_a_tip_every_wrong_inertia_is_a_fault(write_urdf):
     parts = [*chain_of_three(), link("e", WRONG), link("f", WRONG), joint("k", "d", "e", "fixed", "")]
     file = write_urdf(*parts, joint("m", "d", "f", "fixed", ""))

@@ -47,7 +47,8 @@ class Lexicographic:
     ) -> None:
         if not order or not all(isinstance(name, str) for name in order):
             raise InvalidInput(
-                f"lexicographic: names of objectives wanted, the first the most important, got {shown(order)}"
+                'lexicographic: names of objectives wanted, the most important first, as in Lexicographic("duration", '
+                f'"energy"), got {shown(order[0] if len(order) == 1 else order)}'
             )
         twice = [name for name in order if order.count(name) > 1]
         if twice:

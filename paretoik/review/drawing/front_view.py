@@ -14,12 +14,13 @@ import numpy as np
 import rerun as rr
 
 from paretoik.arrays import Ids
-from paretoik.errors import Infeasible, InvalidInput, ParetoikError
+from paretoik.errors import InvalidInput, ParetoikError
 from paretoik.front.choices import pick_point
 from paretoik.front.compromise import compromise
 from paretoik.front.front import Choice, Front
 from paretoik.front.prediction import Prediction
 from paretoik.front.provenance import NAVIGATIONS
+from paretoik.front.subset import check_has_points
 from paretoik.inputs import shown
 from paretoik.review.drawing.choice_layer import ChoiceLayer
 from paretoik.review.drawing.motion_scene import motion_frames
@@ -200,8 +201,7 @@ def open_view(
             raise InvalidInput(
                 f'view: the package {package.replace("_", "-")} wanted (pip install "paretoik[notebook]"), got none'
             )
-    if not len(front):
-        raise Infeasible("view: wanted a front of at least one point, got none: no point was feasible")
+    check_has_points(front, "view")
     os.environ.setdefault(ASSET, "serve-local")  # before the package is loaded
     with redirect_stdout(io.StringIO()):  # where it says that it serves
         from rerun.notebook import Viewer
