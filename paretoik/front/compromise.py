@@ -8,11 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from paretoik.arrays import Objectives, Values
-<<<<<<< HEAD
 from paretoik.call_arguments import check_call
-from paretoik.errors import Infeasible
-=======
->>>>>>> 97d25d964511af987ea396b620a693393004f175
 from paretoik.front.preference_options import OPTIONS
 from paretoik.front.reason import percent, subject
 from paretoik.front.subset import check_front, check_has_points
