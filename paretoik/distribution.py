@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import os
 import time
-import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -17,6 +16,7 @@ from functools import partial
 from typing import Any, Protocol, TypeAlias, runtime_checkable
 
 from paretoik.journal import Values, recalled, remembered
+from paretoik.user_warnings import warn_user
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -182,4 +182,4 @@ def _tell_whether_workers_pay(account: _Account) -> None:
             f"workers: they do not pay here, a task takes {1000 * each:.2g} ms to compute and "
             f"{1000 * account.waited / max(account.items, 1):.2g} ms with them; the run is faster without"
         )
-        warnings.warn(text, RuntimeWarning, stacklevel=2)
+        warn_user(text)

@@ -7,7 +7,6 @@ message, whatever its own text is.
 from __future__ import annotations
 
 import os
-import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -22,6 +21,7 @@ import numpy as np
 
 from paretoik.errors import InvalidInput
 from paretoik.user_functions import cause_of
+from paretoik.user_warnings import warn_user
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike as ArrayLike
@@ -198,7 +198,7 @@ def check_angles(name: str, angles: ArrayLike) -> None:
     if largest > OPTIONS.largest_angle:
         raise InvalidInput(f"{name}: angles of at most {OPTIONS.largest_angle:g} rad wanted, got {largest:g}")
     if hint := degrees_hint(angles):
-        warnings.warn(f"{name}: {hint}", RuntimeWarning, stacklevel=3)
+        warn_user(f"{name}: {hint}")
 
 
 def file_path(name: str, value: object) -> Path:

@@ -19,7 +19,6 @@ import os
 import struct
 import threading
 import time
-import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -31,6 +30,7 @@ import numpy as np
 from paretoik.errors import InvalidInput, InvalidRun
 from paretoik.file_replacement import plain_folder, refusal
 from paretoik.stop_flag import STOP
+from paretoik.user_warnings import warn_user
 
 MAGIC = b"paretoik journal 1\n"
 HEAD = struct.Struct("<Q32s")  # of a frame
@@ -102,7 +102,7 @@ class Journal:
                 self._is_full = True
                 os.ftruncate(self._descriptor, self._end)
                 text = f"{self._file}: the run goes on, but cannot be resumed from here on: {fault.strerror}"
-                warnings.warn(text, RuntimeWarning, stacklevel=2)
+                warn_user(text)
                 return
             self._places[key] = (self._end + HEAD.size, len(payload))
             self._digest, self._end = digest, self._end + len(frame)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -13,6 +12,7 @@ import numpy as np
 
 from paretoik.arrays import Objectives
 from paretoik.errors import EvaluationFailed, ParetoikError
+from paretoik.user_warnings import warn_user
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,7 +79,7 @@ def warn_of_odd_objectives(names: Sequence[str], values: Objectives, again: Obje
         else:
             text = _duplicate(names, values, names.index(name))
         if text:
-            warnings.warn(f"objective {name}: {text}", RuntimeWarning, stacklevel=2)
+            warn_user(f"objective {name}: {text}")
 
 
 def _duplicate(names: Sequence[str], values: Objectives, column: int) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -19,6 +18,7 @@ from paretoik.pareto.warm_start import OPTIONS as WARM_STARTS
 from paretoik.pareto.warm_start import evaluate_points
 from paretoik.search.seeding import checked_genes
 from paretoik.task.motion import Motion
+from paretoik.user_warnings import warn_user
 
 
 def initial_genes(problem: Any, initial: Genes | Motion | Front | None, *, tolerance: float = 1e-6) -> Genes | None:
@@ -39,11 +39,9 @@ def initial_genes(problem: Any, initial: Genes | Motion | Front | None, *, toler
     genes, deviation = encode(problem, initial)
     inexact = deviation > tolerance
     if inexact.any():
-        warnings.warn(
+        warn_user(
             f"initial: {inexact.sum()} of {len(genes)} motions start approximately; the genes miss them by up to "
             f"{deviation.max():.2g} rad (or m)",
-            RuntimeWarning,
-            stacklevel=4,
         )
     return genes
 

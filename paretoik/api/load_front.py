@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ from paretoik.front.front import Front
 from paretoik.front.subset import attach
 from paretoik.inputs import file_path
 from paretoik.run_files import MOTIONS
+from paretoik.user_warnings import warn_user
 
 
 @check_call
@@ -50,7 +50,7 @@ def with_problem(front: Front, folder: Path, problem: Any) -> Front:
         if problem is not None:
             raise
         cause = str(error).removeprefix(f"{folder}: ")
-        warnings.warn(f"{folder}: motions come without their arm: {cause}", RuntimeWarning, stacklevel=2)
+        warn_user(f"{folder}: motions come without their arm: {cause}")
         return front
     try:
         motions = restore_motions(whole, front)

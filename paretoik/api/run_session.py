@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
@@ -31,6 +30,7 @@ from paretoik.review.recording.workcell import Workcell
 from paretoik.run_files import CHECKPOINT, JOURNAL, RECORDING, RUN, STOPPED, has_result, read_run, write_run
 from paretoik.stop_flag import STOP
 from paretoik.user_functions import cause_of
+from paretoik.user_warnings import warn_user
 
 SOURCE = (CHECKPOINT, "source")  # folders, one within the other, in a run's
 RESERVE = Path(CHECKPOINT, "reserve")
@@ -122,7 +122,7 @@ class RunSession(VerbSession):
             yield
         except Exception as fault:  # a view may fail in any way, also by a function of a user's
             text = f"{self.folder}: the result is saved, but not all views of it: {cause_of(fault)}"
-            warnings.warn(text, RuntimeWarning, stacklevel=4)
+            warn_user(text)
 
     def save_draft(self, front: Front) -> None:
         """Save a front, should what follows fail."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from os.path import relpath
 from pathlib import Path
@@ -19,6 +18,7 @@ from paretoik.front.preferences.requests import as_preference
 from paretoik.front.viewing import show_choice
 from paretoik.inputs import file_path
 from paretoik.run_files import RECORDING
+from paretoik.user_warnings import warn_user
 
 
 def select(
@@ -75,5 +75,5 @@ def undo(run: Path, problem: str | None = None) -> Choices:
         try:
             show_choice(load_front(run, problem))
         except ParetoikError as error:
-            warnings.warn(f"the recording stays as it was: {error}", RuntimeWarning, stacklevel=2)
+            warn_user(f"the recording stays as it was: {error}")
     return choices

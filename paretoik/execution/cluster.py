@@ -9,7 +9,6 @@ import asyncio
 import hashlib
 import time
 import uuid
-import warnings
 from collections import deque
 from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
 from concurrent.futures import wait
@@ -29,6 +28,7 @@ from paretoik.execution.machine import processor, software
 from paretoik.execution.shipping import pickled
 from paretoik.stop_flag import STOP, Interrupted
 from paretoik.user_functions import cause_of
+from paretoik.user_warnings import warn_user
 
 CANCELLED = ("cancelled", "lost")  # Dask's words for a future that its scheduler knows no more
 
@@ -135,7 +135,7 @@ class Cluster:
         """Warn of something, once."""
         if text not in self._warnings:
             self._warnings.add(text)
-            warnings.warn(f"cluster: {text}", RuntimeWarning, stacklevel=2)
+            warn_user(f"cluster: {text}")
 
 
 class _Round:

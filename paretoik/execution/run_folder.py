@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import fcntl
 import os
-import warnings
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
@@ -14,6 +13,7 @@ from paretoik.errors import InvalidInput
 from paretoik.execution.former_run import PART, set_aside, settle
 from paretoik.file_replacement import SAVED, only_writer, refusal
 from paretoik.run_files import FORMER, RUN, has_result, is_run
+from paretoik.user_warnings import warn_user
 
 LOCK = ".lock"
 
@@ -68,7 +68,7 @@ def lock_folder(place: Path) -> Iterator[Path]:
             restored = settle(opened)
         if restored:
             text = f"{place}: the process that was to replace its run ended without a result; that run is back"
-            warnings.warn(text, RuntimeWarning, stacklevel=2)
+            warn_user(text)
         yield place
 
 

@@ -7,7 +7,6 @@ import socket
 import subprocess
 import sys
 import time
-import warnings
 from collections import Counter, deque
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
@@ -24,6 +23,7 @@ from paretoik.execution.shipping import pickled
 from paretoik.execution.worker import STARTED, Work
 from paretoik.inputs import check_size
 from paretoik.stop_flag import STOP, Interrupted
+from paretoik.user_warnings import warn_user
 
 LIBRARIES = ("OMP", "OPENBLAS", "MKL", "VECLIB_MAXIMUM", "NUMBA")  # which would have a thread a core
 ONE_THREAD = {f"{name}_THREADS" if "_" in name else f"{name}_NUM_THREADS": "1" for name in LIBRARIES}
@@ -228,7 +228,7 @@ class _Round:
         worker.end()
         self.pending.extendleft(reversed(worker.places))
         text = f"workers: process {worker.process.pid} was stopped for {self.options.frozen:g} s and is replaced"
-        warnings.warn(text, RuntimeWarning, stacklevel=2)
+        warn_user(text)
 
     def _give_up(self, worker: _Worker) -> tuple[int, Reply]:
         """End a worker that takes too long, and return what it was at."""

@@ -7,7 +7,6 @@ back deletes nothing: what is chosen next becomes another branch.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
@@ -21,6 +20,7 @@ from paretoik.front.choice import Choice, Preference
 from paretoik.front.subset import row_of
 from paretoik.run_files import CHOICES, RUN, check_digest, read_run, run_bytes, to_json
 from paretoik.tables import field_representation, fit_screen, html_representation
+from paretoik.user_warnings import warn_user
 
 if TYPE_CHECKING:  # a front keeps its choices here
     from paretoik.front.front import Front
@@ -142,7 +142,7 @@ def keep_choice(
     except InvalidRun:
         raise
     except (InvalidInput, OSError) as fault:
-        warnings.warn(f"the choice is not kept: {fault}", RuntimeWarning, stacklevel=3)
+        warn_user(f"the choice is not kept: {fault}")
         return False
     return True
 

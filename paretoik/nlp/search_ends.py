@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import Any
@@ -15,6 +14,7 @@ from paretoik.journal import Values, remembered
 from paretoik.nlp.program import Program
 from paretoik.nlp.solutions import LOST, Solutions
 from paretoik.stop_flag import Interrupted
+from paretoik.user_warnings import warn_user
 
 END = ("x", "status", "iterations", "F", "multipliers", "stationarity", "violation")
 
@@ -52,7 +52,7 @@ def distribute_searches(
     with suppress(Interrupted):
         for done, (i, values) in enumerate(distribute_remembered(search, program, starts, keys), start=1):
             if isinstance(values, Lost):
-                warnings.warn(f"start {i}: {values.cause}; the others go on", RuntimeWarning, stacklevel=2)
+                warn_user(f"start {i}: {values.cause}; the others go on")
                 ends[i] = unknown_end(program, starts[i][0], LOST)
             else:
                 ends[i] = end_of(values)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -27,6 +26,7 @@ from paretoik.pareto.continuation import can_follow, correct, guess_optimum
 from paretoik.pareto.scalarisation import Observe
 from paretoik.pareto.warm_start import evaluate_points
 from paretoik.stop_flag import Interrupted, check_interruption
+from paretoik.user_warnings import warn_user
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,7 +123,7 @@ def _refine_in_workers(
     items = [(one, n_obj, solver) for one in x]
     for i, values in distribute_remembered(_refine_point, program, items, keys):
         if isinstance(values, Lost):
-            warnings.warn(f"point {i}: {values.cause}; it stays as it is", RuntimeWarning, stacklevel=2)
+            warn_user(f"point {i}: {values.cause}; it stays as it is")
             yield i, _values_of(x[i], False)
         else:
             yield i, values

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-import warnings
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -20,6 +19,7 @@ from paretoik.search.candidates import Candidates, Outcome
 from paretoik.search.evaluation import Evaluate, Rows, evaluate_rows, joined
 from paretoik.search.islands import Islands
 from paretoik.stop_flag import check_interruption
+from paretoik.user_warnings import warn_user
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -193,7 +193,7 @@ def _check_rows_alone(evaluation: Evaluation, X: Genes) -> None:
                 f"workers: wanted rows whose values do not depend on the rows beside them, got a problem whose {name} "
                 "does; without workers the run comes to the same to rounding alone"
             )
-            warnings.warn(text, RuntimeWarning, stacklevel=2)
+            warn_user(text)
             return
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -32,6 +31,7 @@ from paretoik.tables import field_representation, html_representation
 from paretoik.task.motion import Motion
 from paretoik.task.objectives import Form, Function, check_form, evaluate_function
 from paretoik.user_functions import function_name
+from paretoik.user_warnings import warn_user
 
 LIMIT_TOLERANCE = 1e-9  # share of a limit or its range that is rounding
 LIMITED = {"position": "q", "velocity": "dq", "acceleration": "ddq", "torque": "torque", "power": "power"}  # of Motion
@@ -273,7 +273,7 @@ def _warn_of_degrees(limit: object, bounds: Bounds, declared: np.ndarray, arm: A
     ]
     joint, hint = next(((name, hint) for name, hint in zip(arm.joint_names, beyond, strict=True) if hint), ("", ""))
     if hint:
-        warnings.warn(f"position limit of {joint}: {hint}, and np.inf is no limit", RuntimeWarning, stacklevel=3)
+        warn_user(f"position limit of {joint}: {hint}, and np.inf is no limit")
 
 
 def _side(kind: str, values: object, arm: Arm, samples: int) -> np.ndarray:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 from jaxtyping import Float
 
@@ -12,6 +10,7 @@ from paretoik.task.distances import signed_distance
 from paretoik.task.limits import LIMIT_TOLERANCE
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.task import Task
+from paretoik.user_warnings import warn_user
 
 
 def warn_of_obstructed_path(task: MotionTask) -> None:
@@ -24,7 +23,7 @@ def warn_of_obstructed_path(task: MotionTask) -> None:
         if task.obstacles and _fixes_tool(task, followed):
             message = _obstruction(task, _tool_positions(task, followed))
             if message:
-                warnings.warn(message, RuntimeWarning, stacklevel=3)
+                warn_user(message)
 
 
 def _fixes_tool(task: MotionTask, followed: Task) -> bool:

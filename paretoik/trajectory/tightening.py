@@ -8,7 +8,6 @@ give way where the projection does not follow.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -37,6 +36,7 @@ from paretoik.task.objectives import evaluate_function
 from paretoik.trajectory.functions import ON_PATH, PROJECTED
 from paretoik.trajectory.program import MotionProgram
 from paretoik.trajectory.transcription import motion_program
+from paretoik.user_warnings import warn_user
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,7 +150,7 @@ def _hold_each(
         compile_method(program, x[0], np.eye(1, len(program.upper)), OPTIONS.warm, solver=solver)
         for i, values in distribute_remembered(_hold_values, program, [(one, n_obj, solver) for one in x], keys):
             if isinstance(values, Lost):
-                warnings.warn(f"motion {i}: {values.cause}; it stays as it is", RuntimeWarning, stacklevel=2)
+                warn_user(f"motion {i}: {values.cause}; it stays as it is")
                 yield i, HeldMotion(x=x[i], bounds=program.bounds, violation=np.nan)
             else:
                 yield i, _held_motion(values)

@@ -26,6 +26,7 @@ from paretoik.front.front import Choice, Front
 from paretoik.review.drawing.choice_layer import ChoiceLayer
 from paretoik.review.drawing.recorded_views import ROOTS, RecordedRun, read_recorded
 from paretoik.run_files import RECORDING, read_plain_file
+from paretoik.user_warnings import warn_user
 
 BLOCK = 1 << 20  # bytes read from a pipe at once
 ORIGIN = "ViewBlueprint:space_origin"  # a component of layouts
@@ -69,7 +70,7 @@ def show_choice_in_recording(front: Front, *, moved: Choice | None = None, sourc
         cause = str(fault) if isinstance(fault, ParetoikError) else f"{recording}: {type(fault).__name__}: {fault}"
         what = "choice" if moved is None else "point"
         text = f"the recording stays as it was, the {what} is kept: {' '.join(cause.split())}"
-        warnings.warn(text, RuntimeWarning, stacklevel=4)
+        warn_user(text)
 
 
 def recording_with_choice(

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import os
 import sys
-import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -41,6 +40,7 @@ from paretoik.review.recording.recording_process import (
 )
 from paretoik.review.recording.workcell import Workcell
 from paretoik.robot.arm import Arm
+from paretoik.user_warnings import warn_user
 
 Population: TypeAlias = Float[np.ndarray, "individuals n_obj"]
 
@@ -213,7 +213,7 @@ class Recorder:
             if not self._failed:
                 self._failed = True
                 text = f"{self._file}: recording stopped, the run goes on: {cause_of(fault)}"
-                warnings.warn(text, RuntimeWarning, stacklevel=3)
+                warn_user(text)
 
 
 def _print_notice(text: str) -> None:
