@@ -21,7 +21,7 @@ from paretoik.nlp.program import Goal, Linearisation, Program, Solver
 from paretoik.nlp.program_key import program_key
 from paretoik.nlp.solutions import Solutions
 from paretoik.nlp.violation import violation_at
-from paretoik.pareto.certificates import criticality_at, criticality_bound
+from paretoik.pareto.certificates import criticality_at, criticality_bound, weights_at
 from paretoik.pareto.continuation import can_follow, correct, guess_optimum
 from paretoik.pareto.scalarisation import Observe
 from paretoik.pareto.warm_start import evaluate_points
@@ -40,6 +40,10 @@ class RefineOptions:
     first; where that does not converge, or an objective rises by more than ``rise``, a share of its range, comes
     ``below``: all objectives count the same, none may rise (Benson 1978). It converges in a tenth of the iterations
     where the way straight ahead is curved. Last come ``near`` and ``cold``, straight ahead again.
+
+    A critical point at which an objective has less than the share ``no_weight`` of all weights may be optimal weakly:
+    other objectives cannot gain there, as where they are constant, but this one may. It is refined ``below`` too, and
+    that is kept where it gains more than ``gain``, a share of a range.
     """
 
     weight: float = 0.1
@@ -48,6 +52,8 @@ class RefineOptions:
     stationary: float = 1e-6
     violation: float = 1e-8
     rise: float = 1e-9
+    no_weight: float = 1e-6
+    gain: float = 1e-6
     batch: int = 4
     straight: InteriorPointOptions = InteriorPointOptions(barrier=1e-4, radius=0.02, iterations=75)
     below: InteriorPointOptions = InteriorPointOptions(barrier=1e-4, radius=0.02)
@@ -104,6 +110,7 @@ def _refine_here(
         points, converged = x[rows], np.zeros(len(rows), dtype=bool)
         try:
             _refine_rows(program, points, converged, np.arange(len(rows)), attempts, n_obj, solver)
+            _leave_weak_optima(program, points, attempts[1], solver)
         except Interrupted as signal:
             interruption.append(signal)
         yield from stored.items()
@@ -193,6 +200,24 @@ def _refine_rows(
         if solver != "sqp" and can_follow(program):
             for i in better[~converged[better]]:
                 _correct(program, x, converged, int(i), attempt)
+
+
+def _leave_weak_optima(program: Program, x: Points, below: _Attempt, solver: Solver) -> None:
+    """Replace points where an objective has no weight, in place, by ones that gain in it at no cost, where there are.
+
+    Raises Interrupted after a signal.
+    """
+    n_obj = len(below.rows)
+    rows = np.flatnonzero(weights_at(program, x, n_obj).min(axis=1, initial=1.0) < OPTIONS.no_weight)
+    if not len(rows):
+        return
+    before = evaluate_points(program, x[rows])
+    upper = before.objectives @ below.rows.T
+    solutions = minimise(program, x[rows], below.weights, upper, below.options, rows=below.rows, solver=solver)
+    gain = (before.objectives - solutions.objectives)[:, :n_obj].max(axis=1)
+    better = _no_worse(program, x[rows], solutions, n_obj) & (solutions.violation <= OPTIONS.violation)
+    accepted = better & (gain > OPTIONS.gain)
+    x[rows[accepted]] = solutions.x[accepted]
 
 
 def _keep(

@@ -226,3 +226,21 @@ def test_points_are_critical_over_the_ranges_of_the_front_that_they_become():
     assert (np.ptp(refined.objectives, axis=0) < 0.2 * np.ptp(coarse.objectives, axis=0)).all()
     assert refined.certificates.status.tolist() == ["minimum", "minimum"]
     assert refined.certificates.kkt_residual.max() <= 1e-6
+
+
+@pk.objective(unit="rad²s", form="integral")
+def beyond(motion):
+    """Return how far the first joint is beyond an angle: nothing, and without a gradient, before it."""
+    return np.maximum(motion.q[..., 0] - 1.0, 0.0) ** 2
+
+
+def test_what_costs_an_objective_nothing_is_gained():
+    path = pk.line((0.4, 0.1), (0.2, 0.3), duration=1.0, samples=7)
+    arm = pk.arms.tringali_3r()
+    best = pk.plan(pk.Tracking(arm, path, objectives=[pk.kinetic_energy]), starts=6).best
+    assert best.motion.q[:, 0].max() < 1.0
+    problem = pk.Tracking(arm, path, objectives=[beyond, pk.kinetic_energy])
+    front = pk.solve(problem, population=12, generations=3, seed=0)
+    assert front.objectives[0, 1] > 1.001 * best.objective  # as critical as it can be: the other is at its least
+    refined = pk.refine(front)
+    assert refined.objectives[0] == pytest.approx([0.0, best.objective], rel=1e-6, abs=1e-9)
