@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence, Set
+from dataclasses import replace
 from pathlib import Path
 
 from paretoik.api.load_front import load_front
 from paretoik.call_arguments import check_call
+from paretoik.execution.computation import computed_text
 from paretoik.front.comparison import Comparison
 from paretoik.front.front import Front
+from paretoik.front.subset import attach
 from paretoik.inputs import file_path, read_list
 
 
@@ -30,8 +33,17 @@ def compare(*fronts: Front | Path | str, labels: Sequence[str] | None = None) ->
     Comparison of 2 fronts, hypervolume front 1 0.3865, front 2 0.8466 of the merged front's
     """
     named = None if labels is None else read_list("labels", labels, str, "a list of them")
-    loaded = tuple(front if isinstance(front, Front) else load_front(file_path("fronts", front)) for front in fronts)
-    return Comparison(fronts=loaded, labels=_labels(fronts) if named is None else named)
+    loaded = [front if isinstance(front, Front) else load_front(file_path("fronts", front)) for front in fronts]
+    labels = _labels(fronts) if named is None else named
+    return Comparison(fronts=tuple(map(_with_computed_words, loaded)), labels=labels)
+
+
+def _with_computed_words(front: Front) -> Front:
+    """Return a front whose provenance says in words who computed it, as tables of what differs show it."""
+    if "computed" not in front.provenance:
+        return front
+    words = computed_text(front.provenance["computed"])
+    return attach(replace(front, provenance={**front.provenance, "computed": words}), front.folder)
 
 
 def _labels(fronts: Sequence[Front | Path | str]) -> tuple[str, ...]:

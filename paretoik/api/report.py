@@ -88,7 +88,7 @@ def _nearest(run: InfeasibleRun, folder: Path, problem: Any) -> Front:
 
 def _broken(run: InfeasibleRun) -> list[str]:
     """Return why a run found nothing feasible, and what the motion that comes nearest breaks."""
-    return [run.reason, *(f"Of the least-violating one, {words}." for words in run.broken)]
+    return [run.reason[:1].upper() + run.reason[1:], *(f"Of the least-violating one, {words}." for words in run.broken)]
 
 
 def _title(front: Front) -> str:

@@ -117,11 +117,11 @@ class RunSession(VerbSession):
 
     @contextmanager
     def reviewing(self) -> Iterator[None]:
-        """Let the body complete the recording and draw pictures of a result that is saved; warn where it fails."""
+        """Let the body complete the recording and draw pictures of what a run found; warn where it fails."""
         try:
             yield
         except Exception as fault:  # a view may fail in any way, also by a function of a user's
-            text = f"{self.folder}: the result is saved, but not all views of it: {cause_of(fault)}"
+            text = f"{self.folder}: not all views of this run could be made, which changes no result: {cause_of(fault)}"
             warn_user(text)
 
     def save_draft(self, front: Front) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 NAVIGATIONS, LARGEST_ID = "navigations", "largest_id"  # entries: moves that were made; the largest id of the whole
-COMPARED = ("problem", "fingerprint", "settings", "versions", "status")  # counts and seconds always differ
+COMPARED = ("problem", "fingerprint", "settings", "versions", "computed", "status")  # counts and seconds always differ
 
 
 def flatten(entries: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
@@ -27,7 +27,7 @@ def flatten(entries: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
 def differences(provenances: Sequence[Mapping[str, Any]]) -> dict[str, tuple[str, ...]]:
     """Return the entries that are not the same of all, by name: the value of each, "–" where it has none.
 
-    Problems, settings, versions and what ended a run are looked at.
+    Problems, settings, versions, who computed a run and what ended it are looked at.
     """
     flat = [flatten({name: each[name] for name in COMPARED if name in each}) for each in provenances]
     names = dict.fromkeys(name for each in flat for name in each)

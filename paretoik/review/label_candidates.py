@@ -9,6 +9,7 @@ Point = Float[np.ndarray, " 2"]
 Places = Float[np.ndarray, "places 2"]
 Lines = Float[np.ndarray, "lines 2 2"]
 NO_LINES = np.zeros((0, 2, 2))
+TOWARDS = 0.8  # a line leads towards a mark that it comes nearer to than this share of the distance of its start
 SIDES = np.array([(1, 0), (-1, 0), (0, -1), (0, 1), (1, -1), (-1, -1), (1, 1), (-1, 1)], dtype=float)
 
 
@@ -40,15 +41,19 @@ def freest_place(
     others: Float[np.ndarray, "marks 2"],
     gap: float,
     lines: Lines = NO_LINES,
+    *,
+    reach: float = 0.0,
 ) -> Point:
     """Return the place that covers fewest marks, and whose line to its own `mark` crosses fewest ``lines``.
 
-    Of such that whose label is nearest to its mark.
+    Of such that whose line touches fewest other marks, all within ``reach`` of it, then the nearest to its mark.
     """
     ends = np.clip(mark, middles - half, middles + half)
     crossed = count_crossed(mark, ends, lines)
+    touched = count_touched(mark, ends, others, reach)
     distances = np.linalg.norm(ends - mark, axis=1)
-    return np.asarray(middles[np.lexsort((distances, crossed + count_covered(middles, half, others, gap=gap)))[0]])
+    covered = count_covered(middles, half, others, gap=gap)
+    return np.asarray(middles[np.lexsort((distances, touched, crossed + covered))[0]])
 
 
 def count_crossed(start: Point, ends: Places, lines: Lines) -> Int[np.ndarray, " places"]:
@@ -57,6 +62,20 @@ def count_crossed(start: Point, ends: Places, lines: Lines) -> Int[np.ndarray, "
     sides = _side(start, ends[:, None], tails) * _side(start, ends[:, None], tips)
     ways = _side(tails, tips, start) * _side(tails, tips, ends[:, None])
     return np.asarray(((sides < 0.0) & (ways < 0.0)).sum(axis=1))
+
+
+def count_touched(
+    start: Point, ends: Places, marks: Float[np.ndarray, "marks 2"], reach: float
+) -> Int[np.ndarray, " places"]:
+    """Return how many marks each line from a `start` to one of its ends comes within ``reach`` of.
+
+    Of a mark that is no farther from the start itself, only a line that leads towards it counts.
+    """
+    along, away = ends - start, marks - start
+    squared = np.maximum((along**2).sum(axis=1), np.finfo(float).tiny)
+    shares = np.clip(away @ along.T / squared, 0.0, 1.0).T
+    nearest = np.linalg.norm(away - shares[..., None] * along[:, None], axis=-1)
+    return np.asarray((nearest < np.minimum(reach, TOWARDS * np.linalg.norm(away, axis=1))).sum(axis=1))
 
 
 def _side(tail: np.ndarray, tip: np.ndarray, point: np.ndarray) -> np.ndarray:

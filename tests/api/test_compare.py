@@ -8,6 +8,7 @@ import pytest
 import paretoik as pk
 from paretoik.api.solve import solve
 from paretoik.errors import InvalidInput, InvalidRun
+from paretoik.execution.computation import computed_text
 from paretoik.task.evaluation import evaluate_motions
 from tests.api.problems import QUICK
 
@@ -61,3 +62,18 @@ def test_what_is_no_front_or_label_is_refused(run, tmp_path):
         pk.compare(front, front, labels=[3, 4])
     with pytest.raises(InvalidInput, match="wanted at least two fronts, got 0"):
         pk.compare()
+
+
+def test_who_computed_runs_is_told_where_it_differs(run, tmp_path):
+    _, front = run
+    cluster = {"by": [{"by": "a Dask cluster", "machines": [{"machines": 2, "workers": 4, "processor": "x"}]}]}
+    other = replace(front, problem=None, provenance={**front.provenance, "computed": cluster})
+    other.save(tmp_path / "cluster")
+    comparison = pk.compare(front, tmp_path / "cluster")
+    here, there = comparison.differences["computed"]
+    assert here == computed_text(front.provenance["computed"])
+    assert there == computed_text(cluster)
+    assert "4 workers on 2 machines" in there
+    assert there in str(comparison)
+    assert comparison.fronts[1].folder == tmp_path / "cluster"
+    assert "computed" not in pk.compare(front, front).differences

@@ -54,7 +54,8 @@ def test_a_run_without_a_feasible_motion_says_why_and_shows_the_least_violating_
         getattr(pk, verb)(narrow, **settings, out=tmp_path / "run", observe=False)
     page = read(pk.report(tmp_path / "run", problem=narrow))
     assert page.texts("h1") == ["No feasible motion"]
-    assert str(refused.value) in page.texts("p")
+    reason = str(refused.value)
+    assert reason[0].upper() + reason[1:] in page.texts("p")
     assert any(text.startswith("Of the least-violating one, velocity of joint") for text in page.texts("p"))
     assert page.data["marks"] == {"0": "least-violating, not feasible"}
     assert "velocity" in page.data["motions"]["limits"]

@@ -102,7 +102,14 @@ class Canvas:
     def _ticks(self) -> tuple[Ticks, Ticks]:
         upright = fitting_ticks(self.low[0], self.high[0], room=self.width, size=_width_of)
         level = fitting_ticks(self.low[1], self.high[1], room=self.height, size=lambda _: 0.4 * TEXT.line)
-        return _countable(upright, self.labels[0]), _countable(level, self.labels[1])
+        upright = _countable(upright, self.labels[0])
+        places = self.place(np.stack([upright, np.full(len(upright), self.low[1])], axis=-1))[:, 0] - self.origin[0]
+        reaches = [0.5 * text_width(word) for word in tick_words(upright)]
+        fits = [
+            half - self.overhang <= place <= self.width + self.overhang - half
+            for place, half in zip(places, reaches, strict=True)
+        ]
+        return upright[np.array(fits, dtype=bool)], _countable(level, self.labels[1])
 
     def _labels(self, across: Ticks, along: Ticks) -> tuple[list[str], np.ndarray]:
         """Return the words of ticks and axes, and where their middles are."""
@@ -110,11 +117,8 @@ class Canvas:
         (x, y), (width, height) = self.origin, (self.width, self.height)
         if self.ticked[0]:
             under = self.place(np.array([(tick, self.low[1]) for tick in across]).reshape(-1, 2))
-            for word, place in zip(tick_words(across), under, strict=True):
-                half = 0.5 * text_width(word)
-                if x - self.overhang <= place[0] - half and place[0] + half <= x + width + self.overhang:
-                    words.append(word)
-                    places.append(place + np.array([0.0, 0.7 * TEXT.line]))
+            words += tick_words(across)
+            places += [place + np.array([0.0, 0.7 * TEXT.line]) for place in under]
             words.append(self.labels[0])
             label_middle = min(x + width / 2, self.right_edge - 0.5 * text_width(self.labels[0]) - 8.0)
             places.append(np.array([label_middle, y + height + 1.75 * TEXT.line + self.label_drop]))

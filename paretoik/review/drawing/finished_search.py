@@ -21,7 +21,7 @@ from paretoik.review.drawing.joint_charts import posture_chart
 from paretoik.review.drawing.legend import Legend
 from paretoik.review.drawing.legend_entries import search_entries
 from paretoik.review.drawing.motion_scene import CHOSEN, MotionScene
-from paretoik.review.drawing.point_text import choice_text, point_text, reason_text, text_of
+from paretoik.review.drawing.point_text import better_but_infeasible, choice_text, point_text, reason_text, text_of
 from paretoik.review.drawing.recording_layout import TEXT, WHY, Layout, text_view
 from paretoik.review.drawing.replay_clock import ReplayClock, has_motions, is_moving, replay_times
 from paretoik.review.drawing.search_charts import DrawnChart
@@ -61,7 +61,7 @@ class FinishedSearch:
             self._log_nearest(stream, self._nearest)
         stream.reset_time()
         self._send_motions(stream)
-        if self._end.front is not None and self._is_walked:
+        if self._end.front is not None and len(self._walk) > 1:  # one point alone is seen anyway
             self._log_walk(stream, self._end.front)
         stream.reset_time()
         stream.send_blueprint(self._layout.blueprint())
@@ -111,7 +111,7 @@ class FinishedSearch:
         stream.set_time("replay", duration=self._clock.end)
         if is_moving(self._end_points):
             stream.set_time("motion", duration=0.0)
-        if self._is_walked:
+        if len(self._walk) > 1:
             stream.set_time("point", sequence=0)
 
     def _log_front(self, stream: rr.RecordingStream, front: Front) -> None:
@@ -124,12 +124,17 @@ class FinishedSearch:
             chosen = None if self._end.choice is None else self._end.choice.objectives
             scene.log_lines(stream, self._views.parallel, front.objectives, chosen)
         if self._end.choice is not None:
-            words = choice_text(front, self._end.choice, whole=False)
-            stream.log(TEXT, rr.TextDocument(words, media_type="text/markdown"))
+            self._log_words(stream, front, choice_text(front, self._end.choice, whole=False))
         if self._motions is not None:
             self._motions.log_whole(stream, points)
         if self._postures is not None and self._end.choice is not None:
             self._postures[0].log_cursor(stream, float(self._end.choice.objectives[0]))
+
+    def _log_words(self, stream: rr.RecordingStream, front: Front, words: str) -> None:
+        """Say what is to be known of a point, and of the individuals behind the front that look better than it."""
+        for last in self._generations[-1:]:
+            words += f"\n\n{better_but_infeasible(self.search.scene, last.population, front.objectives)}"
+        stream.log(TEXT, rr.TextDocument(words.rstrip(), media_type="text/markdown"))
 
     def _log_nearest(self, stream: rr.RecordingStream, nearest: LeastViolating) -> None:
         """Say what is broken where nothing is feasible, and show the motion that breaks least."""
@@ -170,8 +175,8 @@ class FinishedSearch:
                 marked=self._end_points,
                 taken=self._lines,
             )
-            words = point_text(front, int(np.flatnonzero(front.ids == point.id)[0]), chosen=self._end.choice)
-            stream.log(TEXT, rr.TextDocument(words, media_type="text/markdown"))
+            row = int(np.flatnonzero(front.ids == point.id)[0])
+            self._log_words(stream, front, point_text(front, row, chosen=self._end.choice))
             if self._motions is not None:
                 self._motions.log_whole(stream, [point])
             if self._postures is not None:
@@ -198,11 +203,6 @@ class FinishedSearch:
         """Points [pixels] on the lines of the last generation, which stand at the end."""
         last = self._generations[-1:]
         return self.search.scene.line_points(last[0], self._views.canvases) if last else np.zeros((0, 2))
-
-    @property
-    def _is_walked(self) -> bool:
-        """Whether there is a timeline along the front: one point alone is seen anyway."""
-        return len(self._walk) > 1
 
     @property
     def _note(self) -> str:
@@ -289,7 +289,7 @@ class FinishedSearch:
         why = [] if choice is None else [rrb.TextDocumentView(origin=WHY, name="why")]
         return Layout(
             legend=Legend(
-                entity="legend", entries=search_entries(scene, motions, chosen=chosen, walked=self._is_walked)
+                entity="legend", entries=search_entries(scene, motions, chosen=chosen, walked=len(self._walk) > 1)
             ),
             front=self._views.front,
             charts=self._views.charts,

@@ -72,7 +72,7 @@ class Panels:
             origin=np.array([column * (width + across), row * (height + below)]),
             ticked=(row == rows - 1, column == 0) if matrix else (True, True),
             label_drop=down,
-            overhang=0.45 * across,
+            overhang=0.45 * across if columns > 1 else TEXT.right,
             right_edge=VIEWS.panels[0] - TEXT.left,
             side_room=(columns - 1 - column) * (width + across) if matrix and column == row else 0.0,
         )

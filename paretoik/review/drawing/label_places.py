@@ -17,6 +17,7 @@ from paretoik.review.label_candidates import (
     Lines,
     count_covered,
     count_crossed,
+    count_touched,
     freest_place,
     places_beside,
     places_between,
@@ -53,14 +54,16 @@ def joined_label_place(
     """Return the middle of the label of a `mark` that a line joins to it: where beside it none is free, farther off.
 
     Farther off are all places in the frame, then those of the margins, which nothing else is drawn in. The line crosses
-    none of ``lines`` where that can be.
+    none of ``lines`` and touches none of ``others`` where that can be.
     """
     half, near = half_size(words), label_place(canvas, mark, words, others)
+    end = np.clip(mark, near - half, near + half)[None]
     is_covering = count_covered(near[None], half, others, gap=MARKS.label_gap).any()
-    if not is_covering and not count_crossed(mark, np.clip(mark, near - half, near + half)[None], lines).any():
+    is_touching = _has_line(mark, end[0]) and count_touched(mark, end, others, MARKS.end).any()
+    if not is_covering and not is_touching and not count_crossed(mark, end, lines).any():
         return near
     middles = np.concatenate([near[None], _frame_places(canvas, half), _margin_places(canvas, half)])
-    return freest_place(middles, half, mark, others, MARKS.label_gap, lines)
+    return freest_place(middles, half, mark, others, MARKS.label_gap, lines, reach=MARKS.end)
 
 
 def half_size(words: str) -> Float[np.ndarray, " 2"]:
@@ -118,7 +121,7 @@ def joined_label(
     """Return the label of a `mark` at the best place for it, and where that is farther off a line to it."""
     middle, half = joined_label_place(canvas, mark, words, others, lines), half_size(words)
     edge = np.clip(mark, middle - half, middle + half)
-    joins = [np.stack([mark, edge])] if np.linalg.norm(edge - mark) > MARKS.leader else []
+    joins = [np.stack([mark, edge])] if _has_line(mark, edge) else []
     line = rr.LineStrips2D(joins, colors=colour, radii=rr.Radius.ui_points(0.6), draw_order=3.8)
     return labels([words], (middle - (0.0, _below_first(words)))[None], colour), line
 
@@ -155,6 +158,11 @@ def log_name(
         others = at if taken is None else np.concatenate([at, taken])
         label = joined_label(canvas, at[0], words[0], others, colour, lines)
     recording.log(list(entity), *label, static=static)
+
+
+def _has_line(mark: Float[np.ndarray, " 2"], edge: Float[np.ndarray, " 2"]) -> bool:
+    """Say whether a line joins a mark to the nearest edge of its label."""
+    return bool(np.linalg.norm(edge - mark) > MARKS.leader)
 
 
 def _frame_places(canvas: Canvas, half: Float[np.ndarray, " 2"]) -> Float[np.ndarray, "places 2"]:

@@ -15,6 +15,8 @@ from paretoik.review.drawing.drawn_axes import TEXT, Canvas, labels, text_width
 from paretoik.review.drawing.front_panels import Pair
 from paretoik.review.drawing.label_places import label_area, line_points
 from paretoik.review.drawing.screen_text import screen_text
+from paretoik.review.drawing_options import MARKS
+from paretoik.review.label_candidates import count_covered
 from paretoik.review.palette import SCREEN
 from paretoik.review.recording.recorder import Generation
 
@@ -74,9 +76,9 @@ def bounds_in(
 ) -> list[Bound]:
     """Return the finite bounds of the two objectives of a panel that it shows; none where ``epsilon`` is None.
 
-    ``labelled`` are names and units. What a bound is stands beside the end of its line, within the frame.
+    ``labelled`` are names and units. What a bound is stands beside its line, off the other line and what that is.
     """
-    bounds = list[Bound]()
+    lines, words = list[np.ndarray](), list[str]()
     for axis in range(2) if epsilon is not None else ():
         assert epsilon is not None
         bound = epsilon[axis]
@@ -84,10 +86,18 @@ def bounds_in(
             continue
         line = np.stack([canvas.low, canvas.high])
         line[:, axis] = bound
-        ends, (name, unit), sense = canvas.place(line), labelled[axis], "≥" if maximised[axis] else "≤"
-        words = f"ε: {name} {sense} {bound:.4g} {unit}".rstrip()
-        bounds.append(Bound(ends=ends, words=words, middle=_end_label_place(canvas, ends, words)))
-    return bounds
+        (name, unit), sense = labelled[axis], "≥" if maximised[axis] else "≤"
+        lines.append(canvas.place(line))
+        words.append(f"ε: {name} {sense} {bound:.4g} {unit}".rstrip())
+    bounds = list[Bound]()
+    for number, ends in reversed(list(enumerate(lines))):  # words beside an upright line have more places
+        others = [line_points(other[None]) for other in lines[:number] + lines[number + 1 :]]
+        areas = [label_area(bound.middle, bound.words) for bound in bounds]
+        taken = np.concatenate([np.zeros((0, 2)), *others, *areas])
+        bounds.append(
+            Bound(ends=ends, words=words[number], middle=_end_label_place(canvas, ends, words[number], taken))
+        )
+    return bounds[::-1]
 
 
 def log_bounds(recording: rr.RecordingStream, entity: Sequence[str], bounds: Sequence[Bound]) -> None:
@@ -105,12 +115,24 @@ def bound_points(bounds: Sequence[Bound]) -> Float[np.ndarray, "points 2"]:
     return np.concatenate([line_points(np.array([bound.ends for bound in bounds]).reshape(-1, 2, 2)), *areas])
 
 
-def _end_label_place(canvas: Canvas, strip: np.ndarray, words: str) -> np.ndarray:
-    """Return the middle of words beside a line across a panel: where it ends, on the side that has more room."""
-    offset = np.array([0.5 * text_width(words) + 14.0, 0.5 * TEXT.line + 4.0])
-    end, middle = strip[-1], canvas.origin + 0.5 * np.array([canvas.width, canvas.height])
-    inwards = np.where(end > middle, -1.0, 1.0)
-    return np.asarray(end + inwards * offset)
+def _end_label_place(
+    canvas: Canvas, ends: Float[np.ndarray, "2 2"], words: str, others: Float[np.ndarray, "marks 2"]
+) -> Float[np.ndarray, " 2"]:
+    """Return the middle of words beside a line across a panel that covers fewest of ``others``, within the frame.
+
+    Of such that nearest to where the line ends, on the side that has more room; on the line where neither has enough.
+    """
+    half = np.array([0.5 * text_width(words) + 8.0, 0.5 * TEXT.line])
+    offset, middle = half + np.array([6.0, 4.0]), canvas.origin + 0.5 * np.array([canvas.width, canvas.height])
+    inwards = np.where(ends[-1] > middle, -1.0, 1.0)
+    across = np.abs(ends[1] - ends[0]) < 1e-9  # the axis along which a line has two sides
+    last, first = ends[-1] + inwards * offset, ends[0] + np.where(across, inwards, -inwards) * offset
+    beside = last + np.linspace(0.0, 1.0, MARKS.label_grid)[:, None] * (first - last)
+    middles = np.stack([beside, beside - 2.0 * across * inwards * offset], axis=1).reshape(-1, 2)
+    low, high = canvas.origin + half, canvas.origin + np.array([canvas.width, canvas.height]) - half
+    middles = np.concatenate([middles, np.minimum(np.maximum(middles, low), high)])
+    outside = ((middles < low - 1e-6) | (middles > high + 1e-6)).any(axis=1)
+    return np.asarray(middles[(count_covered(middles, half, others) + MARKS.outside * outside).argmin()])
 
 
 def moves_in(canvas: Canvas, origins: Objectives | None, front: Objectives) -> Float[np.ndarray, "moves 2 2"]:

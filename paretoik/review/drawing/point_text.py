@@ -7,15 +7,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from paretoik.arrays import Objectives
 from paretoik.front.compromise import COMPROMISE_IN_WORDS
 from paretoik.front.front import Choice, Front
 from paretoik.review.drawing.infeasible_text import broken_lines
 from paretoik.review.drawing.screen_text import screen_text, unbroken_units
 from paretoik.review.drawing.search_charts import front_size
 from paretoik.review.drawing.search_scene import SearchScene
-from paretoik.review.recording.recorder import Generation
+from paretoik.review.recording.recorder import Generation, Population
 from paretoik.review.run_words import counted, named_unit, run_text, value_text
 from paretoik.search.maximin import dominates
+
+NO_RANGE = "One point has no range to have a share of: it is drawn in the middle."
 
 
 def choice_text(front: Front, choice: Choice, *, title: str = "chosen", whole: bool = True) -> str:
@@ -83,8 +86,9 @@ def text_of(
     """
     if scene.timeline == "step":
         return screen_text(_step_text(scene, generation))
-    notes = [*outside_text(outside, len(generation.population), end), *_better_but_infeasible(scene, generation)]
-    words = "\n".join([_generation_text(scene, generation, moved), *notes])
+    better = better_but_infeasible(scene, generation.population, generation.front)
+    notes = [*outside_text(outside, len(generation.population), end), "", better]
+    words = "\n".join([_generation_text(scene, generation, moved), *notes]).rstrip()
     return screen_text(unbroken_units(words, scene.units))
 
 
@@ -95,15 +99,17 @@ def outside_text(outside: int, count: int, what: str) -> list[str]:
     return ["", words] if outside else []
 
 
-def _better_but_infeasible(scene: SearchScene, generation: Generation) -> list[str]:
-    """Return how many individuals of a search dominate its front and are not on it: these are not feasible."""
-    if scene.timeline != "generation" or not len(generation.front):
-        return []
+def better_but_infeasible(scene: SearchScene, population: Population, front: Objectives) -> str:
+    """Return how many individuals of a search dominate its front and are not on it: these are not feasible.
+
+    "" where there are none.
+    """
+    if scene.timeline != "generation" or not len(front):
+        return ""
     signs = np.where(scene.maximised, -1.0, 1.0)
-    better = dominates((generation.population * signs)[:, None], (generation.front * signs)[None]).any(axis=1)
-    count = int(better.sum())
+    count = int(dominates((population * signs)[:, None], (front * signs)[None]).any(axis=1).sum())
     verb = "looks better than the front and breaks" if count == 1 else "look better than the front and break"
-    return ["", f"{counted(count, 'individual')} {verb} a limit or a constraint."] if count else []
+    return f"{counted(count, 'individual')} {verb} a limit or a constraint." if count else ""
 
 
 def _generation_text(scene: SearchScene, generation: Generation, moved: int | None) -> str:
@@ -212,7 +218,7 @@ def _step_text(scene: SearchScene, generation: Generation) -> str:
     count = len(generation.front)
     lines = [f"# Step {generation.number}", f"{counted(count, 'point')} on its front."]
     if count == 1:
-        lines += ["", "One point has no range to have a share of: it is drawn in the middle.", ""]
+        lines += ["", NO_RANGE, ""]
     if generation.chosen is not None and len(generation.front):
         low, high = generation.front.min(axis=0), generation.front.max(axis=0)
         lines += [

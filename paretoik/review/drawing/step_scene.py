@@ -19,7 +19,7 @@ from paretoik.review.drawing.arm_drawing import ArmDrawing
 from paretoik.review.drawing.drawn_axes import Canvas
 from paretoik.review.drawing.front_panels import normalised, outside_panels
 from paretoik.review.drawing.legend import Legend
-from paretoik.review.drawing.point_text import outside_text, range_text
+from paretoik.review.drawing.point_text import NO_RANGE, outside_text, range_text
 from paretoik.review.drawing.screen_text import screen_text
 from paretoik.review.drawing.search_scene import SearchScene
 from paretoik.review.drawing_options import VIEWS
@@ -132,6 +132,8 @@ class StepScene:
             f"{(~alive).sum()} failed.",
             *outside_text(outside, int(alive.sum()), "the front"),
         ]
+        if len(front) == 1:
+            lines += ["", NO_RANGE]
         if len(front):
             low, high = objectives[front].min(axis=0), objectives[front].max(axis=0)
             ranges = zip(self.loop.names, low, high, self.loop.units, strict=True)

@@ -86,6 +86,7 @@ class ReportPage:
             "status": None if certificates is None else certificates.status.tolist(),
             "rates": None if certificates is None else _significant(certificates.exchange_intervals),
             "branches": self._branches(),
+            "nearest": self.report.nearest,
             "motions": None if self._motions is None else self._motions.description(),
             "steps": None if steps is None else {
                 part.name: _significant(np.asarray(getattr(steps, part.name))) for part in fields(steps)
@@ -115,6 +116,7 @@ class ReportPage:
             _template().render(
                 title=self.report.title,
                 front=whole,
+                nearest=self.report.nearest,
                 rows=[self._table_row(row) for row in range(len(front))],
                 checks=self._check_heads(),
                 columns=[

@@ -48,3 +48,23 @@ def test_every_axis_keeps_a_number(count):
             foot = canvas.origin[1] + canvas.height
             below = (places[:, 1] > foot) & (places[:, 1] < foot + TEXT.line)
             assert below.any() == canvas.ticked[0]
+
+
+@pytest.mark.parametrize("count", [2, 3, 4])
+def test_every_line_of_a_grid_upwards_has_its_number(count):
+    rng = np.random.default_rng(2)
+    panels = Panels(labels=tuple(f"objective{k} [J s]" for k in range(count)))
+    for _ in range(100):
+        for canvas in panels.canvases(random_points(rng, count)):
+            across, _ = ticks = canvas._ticks()
+            _, places = canvas._labels(*ticks)
+            lines = canvas.place(np.stack([across, np.full(len(across), canvas.low[1])], axis=-1))[:, 0]
+            foot = canvas.origin[1] + canvas.height
+            numbers = places[(places[:, 1] > foot) & (places[:, 1] < foot + TEXT.line), 0]
+            assert numbers.tolist() == (lines.tolist() if canvas.ticked[0] else [])
+
+
+def test_of_two_objectives_a_number_at_the_edge_of_the_frame_is_there():
+    (canvas,) = Panels(labels=("energy [J s]", "torque [N m]")).canvases(np.array([[0.03914, 1.0], [0.04198, 2.0]]))
+    across, _ = canvas._ticks()
+    np.testing.assert_allclose(across, [0.039, 0.04, 0.041, 0.042])

@@ -14,7 +14,7 @@ from paretoik.review.drawing.label_places import half_size, joined_label, joined
 from paretoik.review.drawing.panel_marks import log_ends, ring_radii
 from paretoik.review.drawing.search_layers import LAYERS
 from paretoik.review.drawing_options import MARKS
-from paretoik.review.label_candidates import NO_LINES, count_crossed
+from paretoik.review.label_candidates import NO_LINES, count_crossed, count_touched
 from paretoik.review.recording.recorded_point import RecordedPoint
 from tests.review.reading import read, rows
 
@@ -132,3 +132,25 @@ def test_the_mark_of_every_best_point_is_seen_whatever_lies_on_it(at, data):
         for above in range(row + 1, len(at)):
             if np.linalg.norm(at[row] - at[above]) == 0:
                 assert radii[row] > (radii[above] if above in marks else LAYERS["chosen"][1])
+
+
+@given(corners, st.lists(corners, min_size=1, max_size=5), st.lists(corners, max_size=8))
+def test_a_line_that_leads_away_from_a_mark_touches_it_never(start, ends, marks):
+    start, ends, marks = np.array(start, float), np.array(ends, float), np.array(marks, float).reshape(-1, 2)
+    shares = np.linspace(0.0, 1.0, 2001)[:, None]
+    for end, touched in zip(ends, count_touched(start, ends, marks, reach=3.0), strict=True):
+        distances = np.linalg.norm((start + shares * (end - start))[:, None] - marks, axis=2)
+        bound = np.minimum(3.0, 0.8 * distances[0])
+        assert (distances.min(axis=0, initial=np.inf) < bound - 0.01).sum() <= touched
+        assert touched <= (distances.min(axis=0, initial=np.inf) < bound + 0.01).sum()
+        assert touched <= ((marks - start) @ (end - start) > 0).sum()
+
+
+def test_the_line_to_a_label_begins_away_from_a_mark_that_touches_its_own():
+    mark, neighbour = np.array([250.0, 200.0]), np.array([254.0, 204.0])
+    ring = neighbour + 45.0 * np.array([(np.cos(turn), np.sin(turn)) for turn in np.linspace(0, 2 * np.pi, 40)])
+    others = np.concatenate([[mark, neighbour], ring[::3]])
+    middle, half = joined_label_place(CANVAS, mark, "point 130", others), half_size("point 130")
+    end = np.clip(mark, middle - half, middle + half)[None]
+    assert np.linalg.norm(end - mark) > MARKS.leader
+    assert count_touched(mark, end, others, MARKS.end)[0] == 0

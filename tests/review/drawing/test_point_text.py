@@ -9,7 +9,7 @@ import pytest
 import rerun as rr
 
 from paretoik.review.drawing.drawn_axes import TEXT, text_width
-from paretoik.review.drawing.point_text import text_of
+from paretoik.review.drawing.point_text import better_but_infeasible, text_of
 from paretoik.review.drawing.search_charts import search_charts
 from paretoik.review.drawing.search_scene import SearchScene
 from paretoik.review.recording.recorded_point import RecordedPoint
@@ -122,3 +122,10 @@ def test_individuals_that_dominate_the_front_are_said_to_break_a_limit():
     words = text_of(scene(), generation([[2.0, 2.0]]))
     assert "2 individuals look better than the front and break a limit or a constraint." in words
     assert "look" not in text_of(scene("level"), generation([[2.0, 2.0]]))
+
+
+def test_the_words_of_the_end_say_which_individuals_behind_the_front_break_a_limit():
+    population = np.array([[1.0, 2.0], [2.0, 3.0], [4.0, 5.0]])
+    assert better_but_infeasible(scene(), population, np.array([[2.0, 3.0]])) == ""
+    words = "2 individuals look better than the front and break a limit or a constraint."
+    assert better_but_infeasible(scene(), population, np.array([[2.0, 2.0]])) == words

@@ -17,6 +17,7 @@ import pytest
 
 import paretoik as pk
 from paretoik.front.front import Front
+from paretoik.review.report.report import Report
 from tests.review.pictures.test_certificate_plots import certified
 
 CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
@@ -144,9 +145,14 @@ def front():
 
 @pytest.fixture
 def opened(driver, tmp_path):
-    def open_report(front: Front) -> Browser:
+    def open_report(shown: Front | Report) -> Browser:
         driver.get_log("performance")  # of pages before
-        driver.get(f"file://{pk.report(front, tmp_path / 'report.html')}")
+        file = tmp_path / "report.html"
+        if isinstance(shown, Report):
+            shown.write(file)
+        else:
+            pk.report(shown, file)
+        driver.get(f"file://{file}")
         browser = Browser(driver)
         browser.wait("document.body.dataset.ready || !document.getElementById('fault').hidden")
         assert browser.text("fault") == ""
@@ -302,3 +308,20 @@ def test_a_page_prints_without_its_controls(opened, front, tmp_path):
     assert all(f"{number}" in words for number in front.ids)
     assert not any(word in words for word in ("show all", "at least", "copy id"))
     assert 2 <= words.count("\f") <= 5
+
+
+def test_a_page_without_a_feasible_motion_shows_the_nearest_as_no_point_of_a_front(opened, front):
+    nearest = Report(front=front[[14]], title="No feasible motion", notes=["Too fast."], nearest=True)
+    browser = opened(nearest)
+    shown = browser("return document.body.innerText")
+    assert "The motion that comes nearest least-violating, not feasible" in " ".join(shown.split())
+    assert not any(words in shown for words in ("from the best", "copy id", "Point 14", "Points"))
+    browser.wait("document.getElementById('curves').data.length > 0")
+
+
+def test_no_numbers_of_axes_overlap_on_paper(opened, make_front):
+    browser = opened(make_front(3, moving=False))
+    browser("resize(680)")
+    for (one, *a), (other, *b) in combinations(browser(OVERLAPS, "#front"), 2):
+        width, height = min(a[2], b[2]) - max(a[0], b[0]), min(a[3], b[3]) - max(a[1], b[1])
+        assert min(width, height) < 2.0, (one, other)

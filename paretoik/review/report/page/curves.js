@@ -3,11 +3,10 @@ function showPoint(row) {
   byId("point-id").textContent = data.ids[row];
   byId("point-mark").textContent = mark(row);
   const table = byId("point-values");
-  table.replaceChildren(tableRow(["objective", "value", "from the best"], true));
+  const share = (k) => (data.nearest ? [] : [`${Math.round(100 * data.shares[row][k])} %`]); // of a front alone
+  table.replaceChildren(tableRow(["objective", "value", ...(data.nearest ? [] : ["from the best"])], true));
   data.objectives.forEach((each, k) =>
-    table.append(
-      tableRow([each.name, withUnit(data.values[row][k], each.unit), `${Math.round(100 * data.shares[row][k])} %`]),
-    ),
+    table.append(tableRow([each.name, withUnit(data.values[row][k], each.unit), ...share(k)])),
   );
   if (byId("rates")) showRates(row);
 }

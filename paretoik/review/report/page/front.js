@@ -79,6 +79,7 @@ function scatter() {
       domain: span(i),
       anchor: `y${name}`,
       showticklabels: j === many - 1,
+      ticklabeloverflow: many > 2 ? "hide past domain" : "allow", // off the numbers of a neighbour
       matches: `x${(many - 1) * 10 + i}`,
     });
     axes[`yaxis${name}`] = axis(i === 0 ? y : "", {
