@@ -41,6 +41,7 @@ from paretoik.pareto.warm_start import evaluate_points
 from paretoik.search.ask_tell import Search
 from paretoik.search.endings import Progress
 from paretoik.search.islands import Islands
+from paretoik.stop_flag import STOP
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -214,7 +215,7 @@ def _refine_over_own_ranges(
         values = evaluate_points(program, x).objectives[:, : len(ranges)] * before
         widths = np.ptp(values[front_rows(values)], axis=0)
         shares = np.where(widths > POINT_TOLERANCE, np.maximum(widths, OPTIONS.least), before)
-        if ended or (shares > OPTIONS.shrinkage * before).all():
+        if ended or STOP[0] or (shares > OPTIONS.shrinkage * before).all():
             break
     return x, converged, first * before
 
