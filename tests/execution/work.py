@@ -98,7 +98,7 @@ if __name__ == "__main__":
 def meet(folder: str, items: int) -> int:
     """Return once so many items have begun, this one among them, or raise where they do not."""
     Path(folder, f"begun-{os.getpid()}").touch()
-    for _ in range(200):
+    for _ in range(1200):
         if len(list(Path(folder).glob("begun-*"))) == items:
             return items
         time.sleep(0.05)
