@@ -89,6 +89,8 @@ def test_why_points_are_undetermined_is_printed_and_what_is_unknown_is_no_number
         "undetermined: 2 of 5, criticality: more",
         "undetermined: 1 of 5, Clarabel: stuck",
     ]
+    nothing = replace(certificates, kkt_residual=np.full(5, np.nan))
+    assert "criticality unknown, limits violated by at most" in certificate_text(nothing)
     entry = to_json(entries(replace(front, certificates=unclear)))[1]["certificate"]
     assert (entry["kkt_residual"], entry["weights"], entry["reason"]) == (None, [None, None], "Clarabel: stuck")
 
