@@ -10,6 +10,7 @@ import pytest
 import paretoik as pk
 from paretoik.call_arguments import check_call
 from studies.benchmarks.reliability.inputs.messages import message_faults
+from studies.benchmarks.reliability.inputs.surfaces import members
 
 NAMESPACES = [name for name in pk.__all__ if inspect.ismodule(getattr(pk, name)) and name != "errors"]
 
@@ -18,18 +19,8 @@ def callables() -> Iterator[tuple[str, object]]:
     """Yield the public functions, the constructors of public classes, and their methods that have arguments' names."""
     for name in pk.__all__:
         item = getattr(pk, name)
-        yield from members(name) if name in NAMESPACES else of_item(name, item)
-
-
-def members(namespace: str) -> Iterator[tuple[str, object]]:
-    module = getattr(pk, namespace)
-    package = module.__name__ if hasattr(module, "__path__") else module.__name__.rpartition(".")[0]
-    for name in dir(module):
-        item = getattr(module, name)
-        home = str(getattr(item, "__module__", ""))
-        is_own = home == module.__name__ or hasattr(module, "__path__") or inspect.isclass(item)
-        if not name.startswith("_") and is_own and home.startswith(f"{package}."):
-            yield from of_item(f"{namespace}.{name}", item)
+        for public, each in members(name, item) if name in NAMESPACES else [(name, item)]:
+            yield from of_item(public, each)
 
 
 def of_item(name: str, item: object) -> Iterator[tuple[str, object]]:

@@ -49,13 +49,13 @@ class RefinementOptions:
     """Points are refined anew, up to so many ``rounds`` in all, where a range has become less than this ``shrinkage``.
 
     Criticality is measured in shares of the ranges: over those of a coarse search it is next to nothing at points that
-    are not critical over those of the front that they become. A range counts as at least a ``least`` share of what it
-    was: less is near to what solvers leave open.
+    are not critical over those of the front that they become. A range counts as at least a ``smallest_share`` of what
+    it was: less is near to what solvers leave open.
     """
 
     rounds: int = 3
     shrinkage: float = 0.5
-    least: float = 1e-3
+    smallest_share: float = 1e-3
 
 
 OPTIONS = RefinementOptions()
@@ -214,7 +214,7 @@ def _refine_over_own_ranges(
         x, converged = refine_points(program, x, len(ranges), solver=solver, observe=show)
         values = evaluate_points(program, x).objectives[:, : len(ranges)] * before
         widths = np.ptp(values[front_rows(values)], axis=0)
-        shares = np.where(widths > POINT_TOLERANCE, np.maximum(widths, OPTIONS.least), before)
+        shares = np.where(widths > POINT_TOLERANCE, np.maximum(widths, OPTIONS.smallest_share), before)
         if ended or STOP[0] or (shares > OPTIONS.shrinkage * before).all():
             break
     return x, converged, first * before

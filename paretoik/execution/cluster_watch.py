@@ -33,7 +33,7 @@ class ClusterWatch:
 
     def __init__(self, cluster: Cluster, options: ClusterOptions) -> None:
         self.cluster, self.options = cluster, options
-        self.looked = self.asked = time.monotonic()
+        self.looked = self.question_time = time.monotonic()
         self.question: Future[Any] | None = None  # on its way
         self.missing: float | None = None  # since when
 
@@ -63,7 +63,7 @@ class ClusterWatch:
             else:
                 self._miss("worker" if seen is not None else "scheduler", now)
         else:
-            self._wait_for_answer(now - self.asked)
+            self._wait_for_answer(now - self.question_time)
 
     def _miss(self, what: str, now: float) -> None:
         options, address = self.options, self.cluster.address
@@ -89,7 +89,7 @@ class ClusterWatch:
             workers = dask_scheduler.workers.items()
             return {address: (each.nthreads, time.time() - each.last_seen) for address, each in workers}
 
-        self.asked, self.question = now, self._run_on_scheduler(seen)
+        self.question_time, self.question = now, self._run_on_scheduler(seen)
 
     def _answer(self) -> dict[str, tuple[int, float]] | None:
         """Return what the scheduler has answered; None where the connection broke before."""

@@ -9,7 +9,6 @@ Point = Float[np.ndarray, " 2"]
 Places = Float[np.ndarray, "places 2"]
 Lines = Float[np.ndarray, "lines 2 2"]
 NO_LINES = np.zeros((0, 2, 2))
-TOWARDS = 0.8  # a line leads towards a mark that it comes nearer to than this share of the distance of its start
 SIDES = np.array([(1, 0), (-1, 0), (0, -1), (0, 1), (1, -1), (-1, -1), (1, 1), (-1, 1)], dtype=float)
 
 
@@ -75,7 +74,7 @@ def count_touched(
     squared = np.maximum((along**2).sum(axis=1), np.finfo(float).tiny)
     shares = np.clip(away @ along.T / squared, 0.0, 1.0).T
     nearest = np.linalg.norm(away - shares[..., None] * along[:, None], axis=-1)
-    return np.asarray((nearest < np.minimum(reach, TOWARDS * np.linalg.norm(away, axis=1))).sum(axis=1))
+    return np.asarray((nearest < np.minimum(reach, np.linalg.norm(away, axis=1))).sum(axis=1))
 
 
 def _side(tail: np.ndarray, tip: np.ndarray, point: np.ndarray) -> np.ndarray:

@@ -67,13 +67,13 @@ def _check_start(run: RunContents, problem: Any, posture: np.ndarray, row: int, 
     starts = np.asarray(problem.starts)
     names = [each.name for each in problem.parameters]
     if "start" not in names:
-        wanted = starts[:1]
+        possible = starts[:1]
     elif "genes" in run.motions:
         share = float(np.asarray(run.motions["genes"])[row, names.index("start")])
-        wanted = starts[[min(int(share * len(starts)), len(starts) - 1)]]
+        possible = starts[[min(int(share * len(starts)), len(starts) - 1)]]
     else:
-        wanted = starts
-    off = float(np.abs(wanted - posture).max(axis=1).min())
+        possible = starts
+    off = float(np.abs(possible - posture).max(axis=1).min())
     return judge("start", off, OPTIONS.on_path, "it does not begin in the start that is its own", point=point)
 
 
@@ -98,11 +98,11 @@ def _check_objectives(
         low, high = entry.get("range", (0.0, 0.0))
         size = max(abs(expected), abs(float(high) - float(low)), 1e-12)
         better = (expected - value) * (-1.0 if objective.maximise else 1.0)
-        said = f"the table says {value:.10g} {objective.unit}".rstrip()
+        text = f"the table says {value:.10g} {objective.unit}".rstrip()
         if alone:
-            yield judge(subject, abs(better) / size, OPTIONS.values, f"{said}, it is {expected:.10g}", point=point)
+            yield judge(subject, abs(better) / size, OPTIONS.values, f"{text}, it is {expected:.10g}", point=point)
         else:
-            detail = f"{said}, the worst of {problem.judged_starts}; one of them alone has {expected:.10g}"
+            detail = f"{text}, the worst of {problem.judged_starts}; one of them alone has {expected:.10g}"
             yield judge(subject, max(better, 0.0) / size, OPTIONS.values, detail, point=point)
 
 

@@ -112,8 +112,8 @@ def run_study(effort: Effort, folder: Path, executor: Executor | None = None) ->
     fronts = list(run_each(executor, {(name,): partial(front, name) for name in MECHANISMS}).values())
     rows += [row for one in fronts for row in time_energy_rows(one)]
     begin("the same beside IPOPT")
-    beside = partial(race_fronts, starts=effort.searches // 4, samples=effort.moments)
-    races = run_each(executor, {(one.name,): partial(beside, one) for one in fronts})
+    race = partial(race_fronts, starts=effort.searches // 4, samples=effort.moments)
+    races = run_each(executor, {(one.name,): partial(race, one) for one in fronts})
     rows += [row for one in races.values() for row in race_rows(one)]
     begin("what maxima and steps take")
     rows += polygon_race(rounds=effort.rounds)

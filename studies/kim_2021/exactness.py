@@ -97,11 +97,11 @@ def many_starts(
         for where in list(places())[:positions]:
             drawn = [full_program(name).starts(places()[where], starts, rng) for _ in range(DIRECTIONS)]
             calls[name, where] = partial(solve_all_ways, name, where, drawn)
-    found, rows = run_each(executor, calls), []
+    ipopt, rows = run_each(executor, calls), []
     for name in MECHANISMS:
         ratios, failed, missed = list[float](), 0, 0
         for where in list(places())[:positions]:
-            for solutions, ours in zip(found[name, where], speeds(name, places()[where]), strict=True):
+            for solutions, ours in zip(ipopt[name, where], speeds(name, places()[where]), strict=True):
                 ended = [value / ours - 1.0 for value, success in solutions if success]
                 failed += len(solutions) - len(ended)
                 ratios += ended

@@ -42,8 +42,8 @@ class Decline:
 def declines(*, count: int, seeds: int, executor: Executor | None = None) -> list[Decline]:
     """Return the decline with up to so many candidates for each arm; both weigh the same roll-outs."""
     best = {masses: pk.plan(_problem(masses)).best.objective for masses in MASSES}
-    found = run_each(executor, {(f"seed {seed}",): partial(lowest_costs, count, seed) for seed in range(seeds)})
-    lowest = {masses: [costs[masses] for costs in found.values()] for masses in MASSES}
+    by_seed = run_each(executor, {(f"seed {seed}",): partial(lowest_costs, count, seed) for seed in range(seeds)})
+    lowest = {masses: [costs[masses] for costs in by_seed.values()] for masses in MASSES}
     fewest = min(len(costs) for costs in lowest["fitted"])
     counts = np.unique(np.geomspace(1, fewest, POINTS).round().astype(int))
     return [

@@ -34,7 +34,6 @@ LIMITED = {
     "Table 2": {"QP, positions": pk.Limits(velocity=np.inf), "QP, velocities too": pk.Limits()},
     "Table 3": {"QP, velocities too": pk.Limits()},
 }
-CHUNK = 20  # starts of a program
 paper = partial(paper_numbers, "wan_2018")
 
 
@@ -121,18 +120,18 @@ def start_postures(path: pk.Path, count: int, *, seed: int = 0) -> np.ndarray:
     return np.asarray(turned[((turned >= lower) & (turned <= upper)).all(axis=1)])
 
 
-def resolve_table(table: str, *, population: int, executor: Executor | None = None) -> Resolved:
+def resolve_table(table: str, *, population: int, executor: Executor | None = None, chunk: int = 20) -> Resolved:
     """Return the motions of the paper's methods and of the quadratic program, its task's numbers the same.
 
-    The program takes a hundred times as long as the others: some starts are a task.
+    The program takes a hundred times as long as the others: a ``chunk`` of starts is a task.
     """
     starts = start_postures(path_of(table), population)
     tell(f"{table}: {', '.join(paper_methods(table))} from {len(starts)} starts")
     motions = {name: resolve_from(table, name, starts) for name in paper_methods(table)}
     programs = {
-        (name, f"starts from {first}"): partial(resolve_from, table, name, starts[first : first + CHUNK])
+        (name, f"starts from {first}"): partial(resolve_from, table, name, starts[first : first + chunk])
         for name in LIMITED[table]
-        for first in range(0, len(starts), CHUNK)
+        for first in range(0, len(starts), chunk)
     }
     tell(f"{table}: {', '.join(LIMITED[table])} from {len(starts)} starts")
     parts = run_each(executor, programs)

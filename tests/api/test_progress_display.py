@@ -63,7 +63,8 @@ def test_by_default_without_a_terminal_a_line_comes_once_a_minute_has_passed(mon
     monkeypatch.setattr("time.monotonic", lambda: now[0])
     with open_observer(None) as observe:
         announce(NOTICE)
-        for now[0], done in ((1.0, 1), (59.0, 2), (61.0, 3), (62.0, 4), (122.0, 5)):
+        for seconds, done in ((1.0, 1), (59.0, 2), (61.0, 3), (62.0, 4), (122.0, 5)):
+            now[0] = seconds
             observe(progress(done))
             observe(progress(0, total=0, stage="saving"))
     lines = capsys.readouterr().err.splitlines()

@@ -127,8 +127,8 @@ def _end_label_place(
     inwards = np.where(ends[-1] > middle, -1.0, 1.0)
     across = np.abs(ends[1] - ends[0]) < 1e-9  # the axis along which a line has two sides
     last, first = ends[-1] + inwards * offset, ends[0] + np.where(across, inwards, -inwards) * offset
-    beside = last + np.linspace(0.0, 1.0, MARKS.label_grid)[:, None] * (first - last)
-    middles = np.stack([beside, beside - 2.0 * across * inwards * offset], axis=1).reshape(-1, 2)
+    places = last + np.linspace(0.0, 1.0, MARKS.label_grid)[:, None] * (first - last)
+    middles = np.stack([places, places - 2.0 * across * inwards * offset], axis=1).reshape(-1, 2)
     low, high = canvas.origin + half, canvas.origin + np.array([canvas.width, canvas.height]) - half
     middles = np.concatenate([middles, np.minimum(np.maximum(middles, low), high)])
     outside = ((middles < low - 1e-6) | (middles > high + 1e-6)).any(axis=1)

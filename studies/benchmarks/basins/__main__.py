@@ -21,14 +21,13 @@ from collections.abc import Sequence
 from functools import partial
 
 from studies.benchmarks.basins.cases import all_cases
-from studies.benchmarks.basins.racing import Race, race_named
+from studies.benchmarks.basins.racing import OPTIONS, Race, race_named
 from studies.benchmarks.basins.tables import table_rows
 from studies.processes import each_result, workers_of
 from studies.reporting import report, save_rows, study_parser, tell
 
 SEEDS, QUICK_SEEDS = 20, 2
 QUICK = 4  # problems
-LIMIT = 4 * 3600.0  # s for a problem, which takes minutes; with a limit a cluster's workers compute in a process apart
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -47,7 +46,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     calls = {(case.name,): partial(race_named, case.name, seed=options.seed, seeds=seeds) for case in cases}
     races, done = list[Race](), dict[tuple[str], Race]()
     with workers_of(options.cluster) as executor:
-        for name, one in each_result(executor, calls, limit=LIMIT):
+        for name, one in each_result(executor, calls, limit=OPTIONS.limit):
             done[name] = one
             races = [done[each] for each in calls if each in done]
             tell(one.summary)

@@ -29,12 +29,14 @@ class RacingOptions:
     """How tries are judged, and how many of a peer's ``starts`` are made at a time.
 
     A value counts as the best up to a share ``equal`` of it. ``violation`` is a share of a limit's range up to which a
-    peer's motion counts as feasible.
+    peer's motion counts as feasible. A problem, which takes minutes, has at most ``limit`` [s]; with a limit a
+    cluster's workers compute in a process apart.
     """
 
     equal: float = 1e-6
     violation: float = 1e-8
     starts: int = 24
+    limit: float = 4 * 3600.0
 
 
 OPTIONS = RacingOptions()

@@ -39,28 +39,17 @@ def test_no_number_or_name_of_a_panel_covers_another(count):
 
 
 @pytest.mark.parametrize("count", [2, 3, 4])
-def test_every_axis_keeps_a_number(count):
-    rng = np.random.default_rng(1)
-    panels = Panels(labels=tuple(f"objective{k} [J s]" for k in range(count)))
-    for _ in range(200):
-        for canvas in panels.canvases(random_points(rng, count)):
-            _, places = canvas._labels(*canvas._ticks())
-            foot = canvas.origin[1] + canvas.height
-            below = (places[:, 1] > foot) & (places[:, 1] < foot + TEXT.line)
-            assert below.any() == canvas.ticked[0]
-
-
-@pytest.mark.parametrize("count", [2, 3, 4])
-def test_every_line_of_a_grid_upwards_has_its_number(count):
+def test_an_axis_has_numbers_one_for_every_line_of_its_grid(count):
     rng = np.random.default_rng(2)
     panels = Panels(labels=tuple(f"objective{k} [J s]" for k in range(count)))
-    for _ in range(100):
+    for _ in range(200):
         for canvas in panels.canvases(random_points(rng, count)):
             across, _ = ticks = canvas._ticks()
             _, places = canvas._labels(*ticks)
             lines = canvas.place(np.stack([across, np.full(len(across), canvas.low[1])], axis=-1))[:, 0]
             foot = canvas.origin[1] + canvas.height
             numbers = places[(places[:, 1] > foot) & (places[:, 1] < foot + TEXT.line), 0]
+            assert len(lines)
             assert numbers.tolist() == (lines.tolist() if canvas.ticked[0] else [])
 
 

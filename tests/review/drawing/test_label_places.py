@@ -140,7 +140,7 @@ def test_a_line_that_leads_away_from_a_mark_touches_it_never(start, ends, marks)
     shares = np.linspace(0.0, 1.0, 2001)[:, None]
     for end, touched in zip(ends, count_touched(start, ends, marks, reach=3.0), strict=True):
         distances = np.linalg.norm((start + shares * (end - start))[:, None] - marks, axis=2)
-        bound = np.minimum(3.0, 0.8 * distances[0])
+        bound = np.minimum(3.0, distances[0])
         assert (distances.min(axis=0, initial=np.inf) < bound - 0.01).sum() <= touched
         assert touched <= (distances.min(axis=0, initial=np.inf) < bound + 0.01).sum()
         assert touched <= ((marks - start) @ (end - start) > 0).sum()

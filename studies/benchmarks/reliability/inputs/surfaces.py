@@ -86,13 +86,14 @@ def surfaces() -> list[Surface]:
     by_function: dict[object, Surface] = {}
     for name in sorted(dir(paretoik)):
         item = getattr(paretoik, name)
-        for public, each in _members(name, item) if inspect.ismodule(item) else [(name, item)]:
+        for public, each in members(name, item) if inspect.ismodule(item) else [(name, item)]:
             for surface in _callables(public, each):
                 by_function.setdefault(inspect.unwrap(surface.function), surface)
     return list(by_function.values())
 
 
-def _members(name: str, module: types.ModuleType) -> Iterator[tuple[str, object]]:
+def members(name: str, module: types.ModuleType) -> Iterator[tuple[str, object]]:
+    """Yield what is public in a namespace, by its public name."""
     package = module.__name__ if hasattr(module, "__path__") else module.__name__.rpartition(".")[0]
     for member in dir(module):
         item = getattr(module, member)
