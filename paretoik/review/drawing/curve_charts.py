@@ -6,7 +6,7 @@ The curves are there on every timeline; a cursor moves along them on the one tha
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Any
@@ -18,6 +18,7 @@ import rerun.blueprint as rrb
 from paretoik.arrays import Series, Times, Values
 from paretoik.review.drawing.drawn_axes import TEXT, Canvas, labels, text_width, tick_text, window
 from paretoik.review.drawing.screen_text import screen_text
+from paretoik.review.drawing.view_tabs import nested_tabs
 from paretoik.review.drawing_options import DRAWING, MARKS, VIEWS
 from paretoik.review.palette import SCREEN, Colour
 
@@ -39,8 +40,9 @@ class LimitLine:
 class Chart:
     """Named curves over instants, drawn at ``entity`` on axes that hold all of ``shown`` and the limits that are near.
 
-    ``shown`` are (points, 2), what will ever be drawn; values that are not finite are left out. With ``dots`` instants
-    have no order, and no lines join them.
+    ``shown`` are (points, 2), what will ever be drawn; values that are not finite are left out. Values that are nothing
+    beside limits and the ``usual`` ones are 0: axes then hold all limits, or usual values. With ``dots`` instants have
+    no order, and no lines join them.
     """
 
     entity: str
@@ -50,6 +52,7 @@ class Chart:
     names: Sequence[str]
     colours: Sequence[Colour]
     limits: Sequence[LimitLine] = ()
+    usual: float = 0.0
     total: tuple[float, float] = VIEWS.chart
     dots: bool = False
 
@@ -130,12 +133,22 @@ class Chart:
         return Canvas(low=low, high=high, labels=self.labels, width=width, height=height)
 
     def _with_limits(self, points: np.ndarray) -> np.ndarray:
-        """Return points and those of limits that are not too far from them."""
+        """Return points and those of limits that are not too far from them; of values that are 0 all limits."""
         low, high = points[:, 1].min(), points[:, 1].max()
-        reach = DRAWING.limit_distance * max(high - low, 1e-9, 0.2 * max(abs(low), abs(high)))
-        values = np.concatenate([points[:, 1], *(limit.values for limit in self.limits)])
-        near = values[np.isfinite(values) & (values >= low - reach) & (values <= high + reach)]
-        return np.stack([np.resize(points[:, 0], len(near)), near], axis=1)
+        size, limits = max(abs(low), abs(high)), self._limit_values
+        if size > DRAWING.rounding * np.abs(limits).max(initial=self.usual):
+            reach = DRAWING.limit_distance * max(high - low, 0.2 * size)
+            limits = limits[(limits >= low - reach) & (limits <= high + reach)]
+        elif not len(limits):
+            limits = np.array([-1.0, 1.0]) * (self.usual or 1.0)
+        values = np.concatenate([points[:, 1], limits])
+        return np.stack([np.resize(points[:, 0], len(values)), values], axis=1)
+
+    @property
+    def _limit_values(self) -> Values:
+        values = np.concatenate([np.zeros(0), *(limit.values for limit in self.limits)])
+        finite: Values = values[np.isfinite(values)]
+        return finite
 
     def _is_near(self, limit: LimitLine) -> bool:
         inside = (limit.values >= self.canvas.low[1]) & (limit.values <= self.canvas.high[1])
@@ -177,6 +190,17 @@ class Chart:
     def _fitting(self, words: str) -> str:
         room = int((self.canvas.width - text_width(self.labels[1]) + 30.0) / TEXT.character)
         return words if len(words) <= room else words[: max(room - 1, 1)] + "…"
+
+
+def fit_below_tabs(charts: Sequence[Chart], beside: Sequence[str] = ()) -> list[Chart]:
+    """Return charts that are tabs below a view, those that become tabs of a tab lower by its row of names.
+
+    Further tabs before them have the names ``beside``.
+    """
+    names = [*beside, *(screen_text(chart.title) for chart in charts)]
+    nested = nested_tabs(names, VIEWS.panels[0])[len(beside) :]
+    lower = (VIEWS.chart[0], VIEWS.chart[1] - VIEWS.title)
+    return [replace(chart, total=lower) if inner else chart for chart, inner in zip(charts, nested, strict=True)]
 
 
 def _far_limits(limits: Sequence[LimitLine]) -> str:

@@ -21,12 +21,18 @@ from paretoik.review.palette import SCREEN, Colour
 
 @dataclass(frozen=True, kw_only=True)
 class TextSize:
-    """Sizes of labels and margins around a canvas [pixels], as the viewer draws them."""
+    """Sizes of labels and margins around a canvas [pixels], as the viewer draws them.
+
+    Numbers end ``gap`` before the frame, the name of the axis upwards has its middle ``rise`` above it: enough that
+    none touches where a smaller window draws the frame by a tenth smaller, and words as large as ever.
+    """
 
     line: float = 20.0
     character: float = 6.5
     padding: float = 8.0  # of the box behind a label, left and right together
     drop: float = 12.0  # from a label's point down to its middle
+    gap: float = 8.0
+    rise: float = 21.0
     left: float = 74.0
     right: float = 22.0
     top: float = 34.0
@@ -126,12 +132,12 @@ class Canvas:
             tick_places = self.place(np.array([(self.low[0], tick) for tick in along]).reshape(-1, 2))
             tick_labels = tick_words(along)
             for word, place in zip(tick_labels, tick_places, strict=True):
-                middle = place - (0.5 * text_width(word) + 6.0, 0.0)
+                middle = place - (0.5 * text_width(word) + TEXT.gap, 0.0)
                 if not _is_covered(word, middle, words, places):  # in the corner, by the first tick below
                     words.append(word)
                     places.append(middle)
             words.append(self.labels[1])
-            places.append(np.array([x - 0.8 * TEXT.left + 0.5 * text_width(self.labels[1]), y - 0.95 * TEXT.line]))
+            places.append(np.array([x - 0.8 * TEXT.left + 0.5 * text_width(self.labels[1]), y - TEXT.rise]))
         return words, np.array(places).reshape(-1, 2)
 
 
@@ -192,8 +198,19 @@ def _width_of(tick: float) -> float:
 def window(points: np.ndarray, *, margin: float = 0.06) -> tuple[Values, Values]:
     """Return the corners of a window around `points` (points, 2), wider by a `margin` of their range."""
     low, high = points.min(axis=0), points.max(axis=0)
-    width = np.where(high - low > 1e-9 * np.abs(high), high - low, np.maximum(0.1 * np.abs(high), 1e-9))
+    width = axis_ranges(low, high)
     return low - margin * width, high + margin * width
+
+
+def axis_ranges(low: Values, high: Values) -> Values:
+    """Return the ranges of axes from `low` to `high`: of values that do not change a tenth of them, of zeros 1.
+
+    >>> axis_ranges(np.array([2.0, 5.0, 0.0]), np.array([3.0, 5.0, 0.0])).tolist()
+    [1.0, 0.5, 1.0]
+    """
+    size = np.maximum(np.abs(low), np.abs(high))
+    ranges: Values = np.where(high - low > 1e-9 * size, high - low, np.where(size > 1e-30, 0.1 * size, 1.0))
+    return ranges
 
 
 def equal_window(points: np.ndarray, *, width: float, height: float) -> tuple[Values, Values]:

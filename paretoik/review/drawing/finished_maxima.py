@@ -19,7 +19,7 @@ from paretoik.review.drawing.maxima_panel import MaximaPanel
 from paretoik.review.drawing.maxima_text import maximum_text
 from paretoik.review.drawing.motion_scene import CHOSEN
 from paretoik.review.drawing.recording_layout import TEXT, Layout, note_view, text_view
-from paretoik.review.drawing.search_charts import DrawnChart
+from paretoik.review.drawing.search_charts import DrawnChart, fit_drawn_charts
 from paretoik.review.drawing_options import DRAWING, SCENES
 from paretoik.review.joint_units import joint_units
 from paretoik.review.palette import SCREEN
@@ -125,7 +125,7 @@ class FinishedMaxima:
             charts.append(self._chart("sliders", "slider position [m]", flat, places))
             charts.append(self._chart("motor_speeds", "motor speed [m/s]", _motors(end.motor_speeds), places))
             charts.append(self._chart("motor_efforts", "motor force [N]", _motors(end.motor_efforts), places))
-        return charts
+        return [charts[0], *fit_drawn_charts(charts[1:])]
 
     @property
     def _capability(self) -> list[LimitLine]:

@@ -11,7 +11,7 @@ import rerun.blueprint as rrb
 from jaxtyping import Float
 
 from paretoik.arrays import Objectives, Values
-from paretoik.review.drawing.drawn_axes import TEXT, Canvas, window
+from paretoik.review.drawing.drawn_axes import TEXT, Canvas, axis_ranges, window
 from paretoik.review.drawing_options import DRAWING, VIEWS
 from paretoik.review.palette import SCREEN
 from paretoik.review.recording.recorder import Population
@@ -107,5 +107,5 @@ def replay_window(fronts: Sequence[Float[np.ndarray, "_ n_obj"]]) -> Objectives:
     """
     everything, front = np.concatenate(fronts), fronts[-1]
     low, high = front.min(axis=0), front.max(axis=0)
-    reach: Values = 1.5 * np.where(high > low, high - low, np.maximum(0.1 * np.abs(high), 1e-9))
+    reach = 1.5 * axis_ranges(low, high)
     return np.stack([np.maximum(everything.min(axis=0), low - reach), np.minimum(everything.max(axis=0), high + reach)])

@@ -14,7 +14,7 @@ from paretoik.review.drawing.drawn_axes import Canvas
 from paretoik.review.drawing.front_panels import outside_panels
 from paretoik.review.drawing.parallel_axes import ParallelAxes
 from paretoik.review.drawing.recording_layout import TEXT, note_view
-from paretoik.review.drawing.search_charts import DrawnChart, log_series, search_charts
+from paretoik.review.drawing.search_charts import DrawnChart, fit_drawn_charts, log_series, search_charts
 from paretoik.review.drawing.search_scene import SearchScene
 from paretoik.review.recording.recorder import Generation, SearchedFront, SearchEnd
 
@@ -99,4 +99,5 @@ class FrontViews:
 
     @cached_property
     def _charts(self) -> list[DrawnChart]:
-        return search_charts(self.search.scene, self.search.generations)
+        beside = [] if self.parallel is None else [str(self.parallel.view().name)]
+        return fit_drawn_charts(search_charts(self.search.scene, self.search.generations), beside)

@@ -9,11 +9,12 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import Times, Values
-from paretoik.review.drawing.curve_charts import Chart, LimitLine
+from paretoik.review.drawing.curve_charts import Chart, LimitLine, fit_below_tabs
 from paretoik.review.joint_units import is_sliding, joint_units
 from paretoik.review.palette import SCREEN
 from paretoik.review.recording.workcell import Workcell
-from paretoik.task.limits import JOINT_UNITS
+from paretoik.robot.scales import joint_scales
+from paretoik.task.limits import JOINT_UNITS, usual_ranges
 
 CurvedMotion = tuple[np.ndarray, Mapping[str, np.ndarray]]  # times (time,), and (time, dof) by kind
 ALWAYS = ("position", "velocity", "torque")
@@ -30,6 +31,7 @@ def joint_charts(root: str, cell: Workcell, motions: Sequence[CurvedMotion]) -> 
         if not motions or (kind not in ALWAYS and kind not in cell.bounds):
             continue
         end = max(float(time[-1]) for time, _ in motions)
+        duration = max(float(np.ptp(time)) for time, _ in motions) or 1.0
         title = {"torque": "joint torque" if not sliding.all() else "joint force"}.get(kind, f"joint {kind}")
         charts[kind] = Chart(
             entity=f"{root}/{kind}",
@@ -39,8 +41,9 @@ def joint_charts(root: str, cell: Workcell, motions: Sequence[CurvedMotion]) -> 
             names=cell.arm.joint_names,
             colours=[SCREEN.joint(number) for number in range(cell.arm.dof)],
             limits=limit_lines(cell, kind, end),
+            usual=float(usual_ranges(kind, cell.arm, duration).max()),
         )
-    return charts
+    return dict(zip(charts, fit_below_tabs(list(charts.values())), strict=True))
 
 
 def posture_chart(
@@ -59,6 +62,7 @@ def posture_chart(
             replace(limit, instants=np.array([values.min(), values.max()]))
             for limit in limit_lines(cell, "position", 1.0)
         ],
+        usual=float(joint_scales(cell.arm).max()),
     )
     return chart, values, postures.T
 

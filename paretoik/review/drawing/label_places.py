@@ -177,7 +177,7 @@ def _margin_places(canvas: Canvas, half: Float[np.ndarray, " 2"]) -> Float[np.nd
     begin = max(x, canvas.upper_label_end + 6.0) if canvas.ticked[1] else x
     places = [np.zeros((0, 2))]
     if 2 * half[1] <= TEXT.top and begin + 2 * half[0] <= right + canvas.side_room:
-        above = y - 0.95 * TEXT.line
+        above = y - TEXT.rise
         places.append(
             places_between(np.array([begin + half[0], above]), np.array([right - half[0], above]), MARKS.label_grid)
         )

@@ -10,7 +10,7 @@ import rerun.blueprint as rrb
 from jaxtyping import Int
 
 from paretoik.arrays import Objectives, Values
-from paretoik.review.drawing.drawn_axes import TEXT, fitting_ticks, labels, text_width, tick_text
+from paretoik.review.drawing.drawn_axes import TEXT, axis_ranges, fitting_ticks, labels, text_width, tick_text
 from paretoik.review.drawing_options import DRAWING, VIEWS
 from paretoik.review.even_rows import even_rows
 from paretoik.review.palette import SCREEN, Colour
@@ -29,8 +29,8 @@ class ParallelAxes:
     def around(entity: str, labels: tuple[str, ...], shown: Objectives) -> ParallelAxes:
         """Return axes that hold all of `shown` (points, n_obj), at least one point."""
         low, high = shown.min(axis=0), shown.max(axis=0)
-        width = np.where(high > low, high - low, np.maximum(0.1 * np.abs(high), 1e-9))
-        return ParallelAxes(entity=entity, labels=labels, low=low - 0.04 * width, high=high + 0.04 * width)
+        margin = 0.04 * axis_ranges(low, high)
+        return ParallelAxes(entity=entity, labels=labels, low=low - margin, high=high + margin)
 
     def view(self) -> rrb.View:
         """Return the view."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, get_args
@@ -19,6 +19,7 @@ from paretoik.review.drawing.legend_entries import search_entries
 from paretoik.review.drawing.motion_scene import MotionScene
 from paretoik.review.drawing.recording_layout import Layout, text_view
 from paretoik.review.drawing.search_scene import SearchScene
+from paretoik.review.drawing.view_tabs import nested_tabs
 from paretoik.review.drawing_options import VIEWS
 from paretoik.review.palette import SCREEN
 
@@ -76,29 +77,35 @@ def recorded_tab(scene: SearchScene, motions: MotionScene | None, recorded: Reco
     return Layout(
         legend=Legend(entity="legend", entries=search_entries(scene, motions, walked=walked)),
         front=scene.view() if front else None,
-        charts=_chart_views("parallel", entities) + _chart_views("charts", entities),
+        charts=_chart_views(("parallel", "charts"), entities),
         arm=motions.view() if motions is not None and arm else None,
-        joints=_chart_views("joint_charts", entities) + _chart_views("postures", entities) if arm else [],
+        joints=_chart_views(("joint_charts", "postures"), entities) if arm else [],
         texts=[text_view(timeline)] if "/text" in entities else [],
         timeline=timeline,
         name="search",
     ).body()
 
 
-def _chart_views(root: str, entities: Collection[str]) -> list[rrb.View]:
-    """Return a view a chart below an entity, or of the entity itself where it has axes."""
+def _chart_views(roots: Sequence[str], entities: Collection[str]) -> list[rrb.View]:
+    """Return a view a chart below entities, or of an entity itself where it has axes, as tabs of one column."""
+    found = [entity for root in roots for entity in _charts_below(root, entities)]
+    names = [" ".join(entity[-1].split("_")) for entity in found]
+    nested = nested_tabs(names, VIEWS.panels[0])
+    return [
+        _chart_view("/".join(entity), name, inner) for entity, name, inner in zip(found, names, nested, strict=True)
+    ]
+
+
+def _charts_below(root: str, entities: Collection[str]) -> list[tuple[str, ...]]:
+    """Return the parts of the paths of charts."""
     parts = [path.split("/")[1:] for path in sorted(entities)]
     below = {tuple(each[:2]) for each in parts if each[0] == root and each[-1] == "grid" and len(each) == 3}
     itself = {(root,) for each in parts if each[0] == root and not below}
-    bounds = rrb.VisualBounds2D(
-        x_range=[-TEXT.left, VIEWS.chart[0] - TEXT.left], y_range=[-TEXT.top, VIEWS.chart[1] - TEXT.top]
-    )
-    return [
-        rrb.Spatial2DView(
-            origin="/".join(entity),
-            name=" ".join(entity[-1].split("_")),
-            visual_bounds=bounds,
-            background=SCREEN.background,
-        )
-        for entity in sorted(below | itself)
-    ]
+    return sorted(below | itself)
+
+
+def _chart_view(origin: str, name: str, nested: bool) -> rrb.View:
+    """Return the view of a chart, one that is a tab of a tab lower by the second row of names."""
+    bottom = VIEWS.chart[1] - TEXT.top - (VIEWS.title if nested else 0.0)
+    bounds = rrb.VisualBounds2D(x_range=[-TEXT.left, VIEWS.chart[0] - TEXT.left], y_range=[-TEXT.top, bottom])
+    return rrb.Spatial2DView(origin=origin, name=name, visual_bounds=bounds, background=SCREEN.background)

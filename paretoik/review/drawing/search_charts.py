@@ -10,7 +10,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from paretoik.arrays import Series, Times
-from paretoik.review.drawing.curve_charts import Chart
+from paretoik.review.drawing.curve_charts import Chart, fit_below_tabs
 from paretoik.review.drawing.screen_text import screen_text
 from paretoik.review.drawing.search_scene import SearchScene
 from paretoik.review.drawing_options import MARKS, VIEWS
@@ -59,6 +59,12 @@ def search_charts(scene: SearchScene, generations: Sequence[Generation]) -> list
     colours = [SCREEN.front, SCREEN.failed]
     sizes = _chart(scene, "counts", "front points, failures", numbers, counts, ["front", "failed"], colours)
     return [*bests, volume, sizes] if len(scene.names) == 1 else [volume, *bests, sizes]
+
+
+def fit_drawn_charts(drawn: Sequence[DrawnChart], beside: Sequence[str] = ()) -> list[DrawnChart]:
+    """Return charts as ``fit_below_tabs`` does, with what is drawn in them."""
+    charts = fit_below_tabs([chart for chart, _, _ in drawn], beside)
+    return [(chart, instants, curves) for chart, (_, instants, curves) in zip(charts, drawn, strict=True)]
 
 
 def series_views(scene: SearchScene) -> list[rrb.View]:

@@ -16,25 +16,41 @@ def fitting_tabs(views: Sequence[rrb.View], width: float) -> rrb.Tabs:
     Where their names do not fit, they lose their units, which their axes have; then views whose names begin with one
     word become tabs of a tab, which is called that; at last the longest names are cut.
     """
-    room, shown = width - VIEWS.tab_controls, list(views)
-    if _width([str(view.name) for view in shown]) > room:
-        for view in shown:
-            view.name = _without_unit(str(view.name))
-    groups: dict[str, list[rrb.View]] = {str(view.id): [view] for view in shown}
-    for word, count in Counter(str(view.name).split(" ")[0] for view in shown).most_common():
-        names = [_name(group, key) for key, group in groups.items()]
-        if count > 1 and _width(names) > room:
-            groups = _grouped(groups, word)
-    names = [_name(group, key) for key, group in groups.items()]
-    while _width(names) > room and max(map(len, names)) > 2:
-        longest = names.index(max(names, key=len))
-        names[longest] = names[longest].rstrip("…")[:-1] + "…"
+    names, groups = _arrange([str(view.name) for view in views], width)
     tabs = list[rrb.View | rrb.Tabs]()
-    for name, group in zip(names, groups.values(), strict=True):
+    for view, name in zip(views, names, strict=True):
+        view.name = name
+    for name, members in groups:
+        group = [views[number] for number in members]
         if len(group) == 1:
             group[0].name = name
         tabs.append(group[0] if len(group) == 1 else rrb.Tabs(*group, name=name))
     return rrb.Tabs(*tabs)
+
+
+def nested_tabs(names: Sequence[str], width: float) -> list[bool]:
+    """Say which views of these names become tabs of a tab in a column so many pixels wide, below two rows of names."""
+    nested = {number for _, members in _arrange(names, width)[1] if len(members) > 1 for number in members}
+    return [number in nested for number in range(len(names))]
+
+
+Group = tuple[str, list[int]]  # the name of a tab, and the numbers of its views
+
+
+def _arrange(names: Sequence[str], width: float) -> tuple[list[str], list[Group]]:
+    """Return the names of views as they are shown, and the tabs."""
+    room, shown = width - VIEWS.tab_controls, list(names)
+    if _width(shown) > room:
+        shown = [_without_unit(name) for name in shown]
+    groups: list[Group] = [(name, [number]) for number, name in enumerate(shown)]
+    for word, count in Counter(_first_word(name) for name in shown).most_common():
+        if count > 1 and _width([name for name, _ in groups]) > room:
+            groups = _grouped(groups, shown, word)
+    tabs = [name for name, _ in groups]
+    while _width(tabs) > room and max(map(len, tabs)) > 2:
+        longest = tabs.index(max(tabs, key=len))
+        tabs[longest] = tabs[longest].rstrip("…")[:-1] + "…"
+    return shown, [(name, members) for name, (_, members) in zip(tabs, groups, strict=True)]
 
 
 def _width(names: Sequence[str]) -> float:
@@ -51,14 +67,17 @@ def _without_unit(name: str) -> str:
     return before + after.partition("]")[2] if bracket else name
 
 
-def _name(group: Sequence[rrb.View], key: str) -> str:
-    return str(group[0].name) if len(group) == 1 else key
+def _first_word(name: str) -> str:
+    return name.split(" ")[0]
 
 
-def _grouped(groups: dict[str, list[rrb.View]], word: str) -> dict[str, list[rrb.View]]:
-    """Return groups in which those of names that begin with a word are one, called that, where its first was."""
-    joined: dict[str, list[rrb.View]] = {}
-    for key, group in groups.items():
-        same = str(group[0].name).split(" ")[0] == word
-        joined.setdefault(word if same else key, []).extend(group)
+def _grouped(groups: Sequence[Group], names: Sequence[str], word: str) -> list[Group]:
+    """Return groups in which the views whose names begin with a word are one, called that, where its first was."""
+    members = [number for number, name in enumerate(names) if _first_word(name) == word]
+    joined: list[Group] = []
+    for group in groups:
+        if group[1][0] not in members:
+            joined.append(group)
+        elif group[1][0] == members[0]:
+            joined.append((word, members))
     return joined

@@ -10,6 +10,7 @@ from paretoik.capability import JointActuation, MotorCurve
 from paretoik.review.drawing.drawn_axes import TEXT, text_width
 from tests.api.problems import PATH
 from tests.review.reading import SECOND, blank_views, last_text, missing_entities, read, rows, static_words, views
+from tests.review.view_sizes import touching_words
 
 START = [0.0, 0.327, -0.754]
 MOVING = ["/legend/words", "/text", "/arm/axes/labels", "/arm/base", "/arm/target", "/arm/chosen/links"]
@@ -36,6 +37,7 @@ def test_a_resolved_motion_has_everything_of_the_checklist_at_every_instant(tmp_
     entities = read(file)
     instants = {"motion": (0, SECOND // 2, SECOND)}
     assert not blank_views(file, instants)
+    assert not touching_words(file)
     own = ["/arm/obstacles", "/arm/chosen/body", "/charts/criteria/curves", "/charts/clearance/curves"]
     assert not missing_entities(file, [*MOVING, *own, "/charts/error/limits"], instants)
     assert any(f"/joint_charts/velocity/{part}" in entities for part in ("limits", "limits_beyond"))
@@ -142,6 +144,7 @@ def test_directional_maxima_grow_direction_by_direction(tmp_path, quantity):
     entities = read(file)
     instants = {"direction": (1, 3, 5)}
     assert not blank_views(file, instants)
+    assert not touching_words(file)
     own = [f"/charts/{name}/curves" for name in ("position", "torque", "sliders", "motor_speeds", "motor_efforts")]
     assert not missing_entities(file, [*MAXIMA, *own, "/maxima/outline"], instants)
     corners = rows(entities["/maxima/corners"], "direction", "positions")

@@ -25,6 +25,7 @@ from tests.review.reading import (
     static_values,
     static_words,
 )
+from tests.review.view_sizes import touching_words
 
 
 def arm() -> pk.Arm:
@@ -92,6 +93,10 @@ def test_everything_of_the_checklist_is_there_at_every_instant_of_a_plan(plan):
         "● obstacle",
         "● limits: dashed",
     } <= set(static_words(entities["/legend/words"]))
+
+
+def test_no_number_or_name_of_an_axis_of_a_plan_touches_its_frame_or_another(plan):
+    assert not touching_words(plan[2])
 
 
 def test_a_plan_ends_on_its_optima_and_its_best_moves(plan):

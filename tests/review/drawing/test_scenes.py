@@ -31,6 +31,7 @@ from tests.review.reading import (
     static_words,
     views,
 )
+from tests.review.view_sizes import touching_words
 
 
 def planar() -> pk.Tracking:
@@ -310,11 +311,16 @@ def test_each_axis_has_ticks_and_a_unit(run):
     assert sum(word.lstrip("-").replace(".", "").isdigit() for word in words) >= 4
 
 
+def test_no_number_or_name_of_an_axis_touches_its_frame_or_another(run):
+    assert not touching_words(run[2])
+
+
 def test_a_choice_stands_beside_another_in_the_same_recording(run, tmp_path):
     _, front, file = run
     first, last = front[int(front.ids[0])], front[int(front.ids[-1])]
     (tmp_path / "choice.rrd").write_bytes(recording_with_choice(front, first, recording=file, compare=last))
     entities = read(tmp_path / "choice.rrd")
+    assert not touching_words(tmp_path / "choice.rrd")
     for root, choice in (("choice", first), ("compared", last)):
         motion = record_motion(choice.motion, curves=False)
         timeline, count = ("generation", 1) if motion.is_standing else ("motion", len(motion.time))
@@ -371,6 +377,9 @@ def test_a_closed_loop_opens_on_the_step_whose_search_was_recorded(tmp_path):
                 assert drawn, (view, origin, timeline, time)
     notes = rows(entities[r"/front/joint_displacement\ -\ position_error/note"], "step", "labels")
     assert notes[0].tolist() == ["no front before step 1"]
+    assert not touching_words(file)
+    numbers = static_words(entities["/joint_charts/torque/labels"])
+    assert {"-1", "0", "1"} <= set(numbers), "an arm without masses has no torque"
     assert not len(notes.get(1, ()))
     words = rows(entities["/text"], "step", "text")
     assert str(words[0][0]).startswith("# Step 0\n\nThe arm stands where it begins")

@@ -1,0 +1,83 @@
+"""Axes of charts: measured in what is drawn on them, whatever its units, and blind to rounding."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from paretoik.review.drawing.curve_charts import Chart, LimitLine, fit_below_tabs
+from paretoik.review.drawing.joint_charts import joint_charts
+from paretoik.review.drawing_options import VIEWS
+from paretoik.review.palette import SCREEN
+from paretoik.review.recording.workcell import Workcell
+from paretoik.robot.arms import marcos_nr, tringali_3r
+from paretoik.task.motion import Motion
+
+TIME = np.linspace(0.0, 2.0, 5)
+KINDS = {"position": "q", "velocity": "dq", "torque": "torque"}
+
+
+def chart(values, limits=(), usual=0.0, title="joint torque") -> Chart:
+    lines = [
+        LimitLine(instants=TIME[[0, -1]], values=np.full(2, limit), name="", colours=[SCREEN.limit]) for limit in limits
+    ]
+    return Chart(
+        entity="chart",
+        title=title,
+        labels=("time [s]", title),
+        shown=np.stack([TIME, values], axis=1),
+        names=["joint1"],
+        colours=[SCREEN.front],
+        limits=lines,
+        usual=usual,
+    )
+
+
+def ends(drawn: Chart) -> tuple[float, float]:
+    return float(drawn.canvas.low[1]), float(drawn.canvas.high[1])
+
+
+@given(
+    st.lists(st.floats(-3.0, 3.0), min_size=5, max_size=5),
+    st.lists(st.floats(-20.0, 20.0), max_size=3),
+    st.sampled_from([0.0, 1.0, 40.0]),
+    st.integers(-20, 20),
+)
+def test_axes_are_the_same_in_every_unit(values, limits, usual, power):
+    unit = 2.0**power  # exact, so that no case is decided by rounding
+    values, limits = np.array(values), np.array(limits)
+    low, high = ends(chart(values, limits, usual))
+    if max(np.abs(values).max(), np.abs(limits).max(initial=usual)) in (0.0, np.abs(values).min()):
+        return  # nothing but one value has no size to draw it by
+    np.testing.assert_allclose(ends(chart(unit * values, unit * limits, unit * usual)), (unit * low, unit * high))
+
+
+@given(st.lists(st.floats(-1e-12, 1e-12), min_size=5, max_size=5), st.lists(st.floats(0.1, 90.0), max_size=3))
+def test_rounding_is_drawn_as_zero_between_all_limits(values, limits):
+    both = [*limits, *(-limit for limit in limits)]
+    low, high = ends(chart(np.array(values), both, usual=1.0))
+    np.testing.assert_allclose((low, high), ends(chart(np.zeros(5), both, usual=1.0)))
+    assert low <= -max(limits, default=1.0) < max(limits, default=1.0) <= high
+
+
+@pytest.mark.parametrize("arm", [marcos_nr(3), tringali_3r()], ids=["without masses", "with masses"])
+@pytest.mark.parametrize("duration", [0.04, 1.0, 20.0])
+def test_joints_that_stand_still_are_seen_to(arm, duration):
+    time = np.linspace(0.0, duration, 41)
+    still = np.array([0.3, -0.7, 1.1]) + 1e-15 * np.random.default_rng(0).normal(size=(41, 3))
+    motion = Motion(arm=arm, time=time, q=still, differences="spline")
+    curves = {kind: getattr(motion, name) for kind, name in {**KINDS, "acceleration": "ddq", "power": "power"}.items()}
+    charts = joint_charts("", Workcell(arm=arm), [(time, curves)])
+    for kind in ("velocity", "torque"):
+        low, high = ends(charts[kind])
+        assert high - low > 1e6 * np.ptp(curves[kind])
+
+
+def test_charts_that_become_tabs_of_a_tab_are_lower_by_its_row_of_names():
+    titles = ["best kinetic_energy [J s]", "best torque_norm [N²m²s]", "front points, failures"]
+    drawn = [chart(TIME, title=title) for title in titles]
+    fitted = fit_below_tabs(drawn, ["parallel coordinates", "hypervolume"])
+    assert [each.total[1] for each in fitted] == [VIEWS.chart[1] - VIEWS.title] * 2 + [VIEWS.chart[1]]
+    assert [each.total for each in fit_below_tabs(drawn[:2])] == [VIEWS.chart] * 2

@@ -1,0 +1,90 @@
+"""How large the views of a recording are in a viewer of 1600 by 900, which draws words in one size whatever theirs."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+from uuid import UUID
+
+import numpy as np
+import rerun as rr
+
+from paretoik.review.drawing.drawn_axes import TEXT, text_width
+from paretoik.review.drawing_options import VIEWS
+from tests.review.reading import read, static_values, static_words
+
+TABS, HORIZONTAL, VERTICAL = 1, 2, 3
+LETTERS = 0.9  # height of words, of their line
+
+
+def view_scales(file: Path) -> dict[str, float]:
+    """Return how many pixels a unit of each flat view is, by its origin, as the layout that it opens with has them."""
+    parts = _blueprint(file)
+    (root,) = parts["viewport"]["ViewportBlueprint:root_container"]
+    scales: dict[str, float] = {}
+    _measure(parts, f"container/{UUID(bytes=bytes(root))}", np.array([VIEWS.width, VIEWS.body]), scales, titled=False)
+    return scales
+
+
+def _measure(parts: dict[str, dict[str, Any]], name: str, size: np.ndarray, scales: dict[str, float], titled: bool):
+    """Add the scales of the views below a container of a `size`, or of a view; ``titled`` below its row of names."""
+    part = parts[name]
+    if "ViewBlueprint:space_origin" in part:
+        bounds = parts.get(f"{name}/VisualBounds2D")
+        if bounds is not None:
+            (each,) = bounds["VisualBounds2D:range"]
+            has_title = not titled and part.get("ViewBlueprint:display_name") != ["legend"]
+            height = size[1] - VIEWS.title * has_title
+            extent = np.array([np.ptp(each["x_range"]), np.ptp(each["y_range"])])
+            origin = "/" + part["ViewBlueprint:space_origin"][0].strip("/")
+            scales[origin] = float((np.array([size[0], height]) / extent).min())
+        return
+    contents, (kind,) = part["ContainerBlueprint:contents"], part["ContainerBlueprint:container_kind"]
+    if kind == TABS:
+        for child in contents:
+            _measure(parts, child, size - [0.0, VIEWS.title], scales, titled=True)
+        return
+    axis = {HORIZONTAL: 0, VERTICAL: 1}[kind]
+    shares = np.array(part.get(f"ContainerBlueprint:{('col', 'row')[axis]}_shares") or [1.0] * len(contents))
+    for child, share in zip(contents, shares / shares.sum(), strict=True):
+        inner = size.copy()
+        inner[axis] *= share
+        _measure(parts, child, inner, scales, titled=False)
+
+
+def _blueprint(file: Path) -> dict[str, dict[str, Any]]:
+    """Return the components of each entity of the last layout, as they stand at its end."""
+    reader = rr.chunk.RrdReader(file)
+    parts: dict[str, dict[str, Any]] = {}
+    for chunk in reader.stream(store=reader.blueprints()[-1]):
+        batch = chunk.to_record_batch()
+        part = parts.setdefault(str(chunk.entity_path).strip("/"), {})
+        for name in batch.schema.names:
+            if ":" in name:
+                part[name] = batch.column(name).to_pylist()[-1]
+    return parts
+
+
+def touching_words(file: Path) -> list[tuple[str, str, str]]:
+    """Return axes, and words there whose boxes touch the frame, or that touch others, as the viewer draws them."""
+    entities, scales = read(file), view_scales(file)
+    found = list[tuple[str, str, str]]()
+    for grid in sorted(path for path in entities if path.endswith("/grid")):
+        axes = grid.removesuffix("/grid")
+        scale = next(
+            (scale for origin, scale in scales.items() if axes == origin or axes.startswith(f"{origin}/")), None
+        )
+        if scale is None or f"{axes}/labels" not in entities:
+            continue
+        frame = scale * np.array(static_values(entities[grid], "strips")[-1])
+        words = static_words(entities[f"{axes}/labels"])
+        middles = scale * np.array(static_values(entities[f"{axes}/labels"], "positions")) + [0.0, TEXT.drop]
+        halves = 0.5 * np.array([(text_width(word), LETTERS * TEXT.line) for word in words])
+        around = halves + np.array([0.5 * TEXT.padding, 0.0])
+        reach = np.minimum(frame.max(axis=0), middles + around) - np.maximum(frame.min(axis=0), middles - around)
+        found += [(axes, "frame", word) for word, inside in zip(words, reach.min(axis=1) > 0.0, strict=True) if inside]
+        for i, k in combinations(range(len(words)), 2):
+            if (np.abs(middles[i] - middles[k]) < halves[i] + halves[k]).all():
+                found.append((axes, words[i], words[k]))
+    return found
