@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import re
+import shutil
 from pathlib import Path
+
+import numpy as np
 
 import paretoik as pk
 from paretoik.loading import load_problem
@@ -30,9 +33,16 @@ def test_the_problem_of_the_problems_readme_can_be_solved(tmp_path):
     readme = (ROOT / "problems" / "README.md").read_text(encoding="utf-8")
     (example,) = blocks(readme.partition("## One's own\n")[2])
     (tmp_path / "mine.py").write_text(example)
+    shutil.copy(ROOT / "problems" / "robots" / "panda.urdf", tmp_path)
     problem = load_problem(f"{tmp_path / 'mine.py'}:reach")
     front = pk.solve(problem, population=12, generations=2, seed=1)
-    assert front.names == ("kinetic_energy", "shoulder_effort")
+    assert front.names == ("kinetic_energy", "elbow_height")
+    assert front.motions.clearance.min() >= 0.01 - 1e-9
+    np.testing.assert_allclose(
+        front.motions.tool_rotation[..., 2],
+        np.broadcast_to([0.0, 0.0, -1.0], (*front.motions.q.shape[:2], 3)),
+        atol=1e-9,
+    )
 
 
 def test_it_is_no_longer_than_150_lines_of_120_characters():
