@@ -77,36 +77,28 @@ def run_seeds(
     What crashes, or does not end within ``limit`` seconds, counts as ``empty(key)``. Interrupted, it returns the seeds
     that are done; nobody would wait hours to see nothing.
     """
-    results: list[dict[Key, Result]] = [{} for _ in range(seeds)]
-    jobs, items = list[tuple[int, Key]](), list[bytes]()
-    for seed, found in enumerate(results):
-        for key, args in arguments(seed).items():
-            stored = load(key, seed)
-            if stored is None:
-                jobs.append((seed, key))
-                items.append(_job(work, args))
-            else:
-                found[key] = stored
-    missing = Counter(seed for seed, _ in jobs)
+    calls = {(seed, key): args for seed in range(seeds) for key, args in arguments(seed).items()}
+    loaded = {(seed, key): load(key, seed) for seed, key in calls}
+    results = {place: result for place, result in loaded.items() if result is not None}
+    jobs = [place for place in calls if place not in results]
+    items, missing = [_job(work, calls[place]) for place in jobs], Counter(seed for seed, _ in jobs)
     try:
-        for place, reply in _bar(executor.replies(call, None, items, seconds=limit), len(items)):
-            seed, key = jobs[place]
+        for number, reply in _bar(executor.replies(call, None, items, seconds=limit), len(items)):
+            seed, key = jobs[number]
+            results[seed, key] = reply.value if isinstance(reply, Done) else empty(key)
             if isinstance(reply, Done):
-                results[seed][key] = reply.value
                 save(key, seed, reply.value)
             else:
                 tell(f"{', '.join((*key, f'seed {seed}'))}: {_fault(reply)}: counted as empty")
-                results[seed][key] = empty(key)
             missing[seed] -= 1
             if not missing[seed]:
                 tell(f"seed {seed + 1} of {seeds}: done")
     except KeyboardInterrupt:
         tell(f"interrupted: {sum(not missing[seed] for seed in range(seeds))} of {seeds} seeds are done, and judged")
     whole: dict[Key, list[Result]] = {}
-    for seed, found in enumerate(results):
+    for seed, key in calls:
         if not missing[seed]:
-            for key, result in found.items():
-                whole.setdefault(key, []).append(result)
+            whole.setdefault(key, []).append(results[seed, key])
     return whole
 
 

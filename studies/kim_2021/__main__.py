@@ -3,29 +3,37 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import islice
 from pathlib import Path
-from time import perf_counter
+from typing import Any
 
 import numpy as np
 
 from paretoik.distribution import Executor
 from studies.kim_2021.energies import posture_rows, postures, table_4
 from studies.kim_2021.exactness import linear_programs, many_starts, random_paths, symmetries
-from studies.kim_2021.fronts import MECHANISMS, drawn_fronts, race_fronts, race_rows, time_energy, time_energy_rows
+from studies.kim_2021.fronts import (
+    MECHANISMS,
+    TimeEnergy,
+    drawn_fronts,
+    race_fronts,
+    race_rows,
+    time_energy,
+    time_energy_rows,
+)
 from studies.kim_2021.one_posture import all_cases, drawn_postures, one_posture_rows
 from studies.kim_2021.pictures import draw
 from studies.kim_2021.polygons import polygon_rows, polygons
 from studies.kim_2021.racing import polygon_race, step_race
 from studies.kim_2021.sensitivity import MASSES, changes, floor_rows, nearest_rows, sensitivity_rows
 from studies.kim_2021.surrogates import all_surrogates, surrogate_rows
-from studies.kim_2021.trajectories import cheating, figure_8, trajectory
+from studies.kim_2021.trajectories import Trajectory, cheating, figure_8, trajectory
 from studies.kim_2021.without_jumps import straight_rows
-from studies.processes import run_each, workers_of
-from studies.reporting import Row, report, study_parser
+from studies.processes import Result, run_each, workers_of
+from studies.reporting import Row, report, study_parser, tell
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,6 +61,11 @@ class Effort:
     moments: int = 17
     searches: int = 32
 
+    @property
+    def angles(self) -> list[float]:
+        """The base angles [degrees]."""
+        return [float(angle) for angle in range(-180, 180, self.angle)]
+
 
 QUICK = Effort(
     angle=60, masses=(0.0, 0.5), grid=5, samples=50, pieces=8, cell=0.6, every=3, random=100, paths=50, starts=2,
@@ -76,55 +89,59 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def run_study(effort: Effort, folder: Path, executor: Executor | None = None) -> tuple[list[Row], list[Path]]:
     """Return all rows, and the pictures drawn into a folder; what is under way is told on stderr."""
-    started = perf_counter()
-
-    def begin(what: str) -> None:
-        print(f"{perf_counter() - started:4.0f} s: {what}", file=sys.stderr, flush=True)
-
-    begin("Figures 5 and 6, and what they hang on")
-    angles = [float(angle) for angle in range(-180, 180, effort.angle)]
+    tell("Figures 5 and 6, and what they hang on")
     corners = polygons()
-    rows = polygon_rows(corners) + sensitivity_rows(angles=angles) + floor_rows()
-    rows += nearest_rows(angles=angles, masses=effort.masses)
-    begin("Equation 5")
+    rows = polygon_rows(corners) + sensitivity_rows(angles=effort.angles) + floor_rows()
+    rows += nearest_rows(angles=effort.angles, masses=effort.masses)
+    tell("Equation 5")
     models = all_surrogates(count=effort.grid)
     rows += [row for surrogates in models.values() for row in surrogate_rows(surrogates)]
-    begin("Figure 8")
+    tell("Figure 8")
     trajectories = {name: trajectory(surrogates, samples=effort.samples) for name, surrogates in models.items()}
     rows += figure_8(trajectories) + cheating(trajectories)
-    begin("Figure 9 and Table 4")
+    tell("Figure 9 and Table 4")
     along = partial(postures, pieces=effort.pieces, cell=effort.cell)
-    calls = {(name,): partial(along, one) for name, one in trajectories.items()}
-    ways = {name: one for (name,), one in run_each(executor, calls).items()}
+    ways = {name: one for (name,), one in run_each(executor, _calls(along, trajectories)).items()}
     rows += posture_rows(ways, trajectories) + table_4(ways)
-    assumptions = islice(changes(angles=angles), 0, None, effort.every)
+    assumptions = islice(changes(angles=effort.angles), 0, None, effort.every)
     rows += straight_rows(assumptions, pieces=effort.pieces // 2, cell=2 * effort.cell, executor=executor)
-    begin("exactness")
-    rng = np.random.default_rng(0)
-    rows += linear_programs(effort.random, rng) + symmetries(effort.random, rng)
-    rows += many_starts(effort.starts, rng, positions=effort.positions, executor=executor)
-    rows += random_paths(trajectories, effort.paths, rng)
-    begin("one posture for two directions")
+    rows += exactness_rows(effort, trajectories, executor)
+    tell("one posture for two directions")
     shared = all_cases(effort.shared, executor=executor)
     rows += [row for one in shared for row in one_posture_rows(one)]
-    begin("time against energy")
-    front = partial(time_energy, points=effort.points, starts=effort.searches, samples=effort.moments)
-    fronts = list(run_each(executor, {(name,): partial(front, name) for name in MECHANISMS}).values())
-    rows += [row for one in fronts for row in time_energy_rows(one)]
-    begin("the same beside IPOPT")
-    race = partial(race_fronts, starts=effort.searches // 4, samples=effort.moments)
-    races = run_each(executor, {(one.name,): partial(race, one) for one in fronts})
-    rows += [row for one in races.values() for row in race_rows(one)]
-    begin("what maxima and steps take")
+    fronts, of_fronts = solve_fronts(effort, executor)
+    rows += of_fronts
+    tell("what maxima and steps take")
     rows += polygon_race(rounds=effort.rounds)
-    for one in trajectories.values():
-        rows += step_race(one, steps=effort.steps)
-    pictures = [
-        *draw(folder, corners, trajectories, ways),
-        drawn_postures(folder, shared),
-        drawn_fronts(folder, fronts),
-    ]
-    return rows, pictures
+    rows += [row for one in trajectories.values() for row in step_race(one, steps=effort.steps)]
+    pictures = draw(folder, corners, trajectories, ways)
+    return rows, [*pictures, drawn_postures(folder, shared), drawn_fronts(folder, fronts)]
+
+
+def exactness_rows(effort: Effort, trajectories: dict[str, Trajectory], executor: Executor | None) -> list[Row]:
+    """Return the rows that say how exact maxima and fastest paths are."""
+    tell("exactness")
+    rng = np.random.default_rng(0)
+    rows = linear_programs(effort.random, rng) + symmetries(effort.random, rng)
+    rows += many_starts(effort.starts, rng, positions=effort.positions, executor=executor)
+    return rows + random_paths(trajectories, effort.paths, rng)
+
+
+def solve_fronts(effort: Effort, executor: Executor | None) -> tuple[list[TimeEnergy], list[Row]]:
+    """Return the fronts of time against energy, and their rows, beside IPOPT too."""
+    tell("time against energy")
+    front = partial(time_energy, points=effort.points, starts=effort.searches, samples=effort.moments)
+    fronts = list(run_each(executor, _calls(front, {name: name for name in MECHANISMS})).values())
+    rows = [row for one in fronts for row in time_energy_rows(one)]
+    tell("the same beside IPOPT")
+    race = partial(race_fronts, starts=effort.searches // 4, samples=effort.moments)
+    races = run_each(executor, _calls(race, {one.name: one for one in fronts}))
+    return fronts, rows + [row for one in races.values() for row in race_rows(one)]
+
+
+def _calls(function: Callable[[Any], Result], arguments: Mapping[str, Any]) -> dict[tuple[str], Callable[[], Result]]:
+    """Return the calls of a function with each of its arguments, by their name."""
+    return {(name,): partial(function, argument) for name, argument in arguments.items()}
 
 
 if __name__ == "__main__":

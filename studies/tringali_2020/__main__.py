@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 from paretoik.distribution import Executor
@@ -38,25 +38,10 @@ def run_study(
     of samples to which Table 4 is repeated. ``bounded``, all motions are bounded from below, on a fine grid.
     ``rehearsed``, times are taken with everything compiled. Without an executor this process computes, as times tell.
     """
-    plan = partial(simulate, starts=starts, rehearsed=rehearsed)
     tell("simulations")
-    plans = {(masses, f"simulation {k}"): partial(plan, k, masses) for masses in MASSES for k in NUMBERS}
-    if finer is not None:
-        plans |= {(masses, FINER): partial(plan, 1, masses, samples=finer) for masses in MASSES}
-    planned = run_each(executor, plans)
-    simulations = {masses: [planned[masses, f"simulation {k}"] for k in NUMBERS] for masses in MASSES}
-    names = match_optima(simulations["fitted"][0])
-    tell("Table 4")
-    tables_4 = {
-        (masses,): partial(table_4, own[0], names, planned.get((masses, FINER))) for masses, own in simulations.items()
-    }
-    rows = _all(run_each(executor, tables_4))
-    if bounded:
-        tell("bounds on all motions")
-        bounds = {(masses,): partial(bound_row, own[0], resolution=FINE) for masses, own in simulations.items()}
-        rows += run_each(executor, bounds).values()
-    rows += [row for pair in zip(*simulations.values(), strict=True) for one in pair for row in tables(one)]
-    rows += [row for own in simulations.values() for row in motion_rows(own)]
+    plan = partial(simulate, starts=starts, rehearsed=rehearsed)
+    simulations, refined = plan_simulations(plan, finer, executor)
+    rows = simulation_rows(simulations, refined, bounded, executor)
     tell("a line of 0.40 m")
     rows += _all(run_each(executor, {(m,): partial(line_rows, own, starts=starts) for m, own in simulations.items()}))
     tell("the search as published")
@@ -70,6 +55,34 @@ def run_study(
     rows += [row for trade in trades for row in figure_14(trade)]
     sweeps = {(each.masses,): partial(sweep_rows, simulations[each.masses], each, points=points) for each in trades}
     return rows + _all(run_each(executor, sweeps)), simulations, decline_curves, trades
+
+
+def plan_simulations(
+    plan: Callable[..., Simulation], finer: int | None, executor: Executor | None
+) -> tuple[dict[str, list[Simulation]], dict[str, Simulation]]:
+    """Return all simulations by masses as ``plan(number, masses)`` has them, and the first with a finer path."""
+    plans = {(masses, f"simulation {k}"): partial(plan, k, masses) for masses in MASSES for k in NUMBERS}
+    if finer is not None:
+        plans |= {(masses, FINER): partial(plan, 1, masses, samples=finer) for masses in MASSES}
+    planned = run_each(executor, plans)
+    simulations = {masses: [planned[masses, f"simulation {k}"] for k in NUMBERS] for masses in MASSES}
+    return simulations, {masses: planned[masses, FINER] for masses in MASSES if finer is not None}
+
+
+def simulation_rows(
+    simulations: dict[str, list[Simulation]], refined: dict[str, Simulation], bounded: bool, executor: Executor | None
+) -> list[Row]:
+    """Return the rows of Table 4, of bounds where these are wanted, and of every simulation's table and motion."""
+    tell("Table 4")
+    names = match_optima(simulations["fitted"][0])
+    tables_4 = {(m,): partial(table_4, own[0], names, refined.get(m)) for m, own in simulations.items()}
+    rows = _all(run_each(executor, tables_4))
+    if bounded:
+        tell("bounds on all motions")
+        bounds = {(masses,): partial(bound_row, own[0], resolution=FINE) for masses, own in simulations.items()}
+        rows += run_each(executor, bounds).values()
+    rows += [row for pair in zip(*simulations.values(), strict=True) for one in pair for row in tables(one)]
+    return rows + [row for own in simulations.values() for row in motion_rows(own)]
 
 
 def _all(rows: Mapping[tuple[str], list[Row]]) -> list[Row]:

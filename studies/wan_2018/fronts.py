@@ -6,7 +6,8 @@ speed and roughness, over the ranges of the best of all, by the rules that peers
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 
 import moocore
@@ -19,6 +20,7 @@ from problems import wan_2018
 from studies.processes import run_each
 from studies.reporting import Row, holm, tell
 
+Fronts = Mapping[str, Sequence[np.ndarray]]  # of each seed, by family
 FAMILIES = {"weighted": wan_2018.weighted_gains, "plain": wan_2018.plain_gains}
 LEAST = np.array([1e-9, -np.inf, 1e-9, 1e-9])  # of what logarithms are taken
 LEVEL = 0.05
@@ -52,6 +54,42 @@ def comparison_rows(
     tell(f"fronts of {' and '.join(FAMILIES)}, {seeds} seeds")
     results = run_each(executor, searches)
     fronts = {family: [_log_scale(results[family, f"seed {seed}"]) for seed in range(seeds)] for family in FAMILIES}
+    compared = [_compare(name, measure, fronts) for name, measure in _indicators(fronts).items()]
+    return [
+        Row(
+            table=f"fronts of WGPM beside GPM, {seeds} seeds, {population * generations} evaluations each",
+            row="path of section 3.2",
+            column=f"{each.name}, median",
+            unit="",
+            ours=each.ours,
+            reference=each.theirs,
+            source="GPM",
+            note=f"from {judged_starts} starts each: {each.verdict(p)}",
+        )
+        for each, p in zip(compared, holm([each.p for each in compared]), strict=True)
+    ]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """Medians of an indicator, the p of their difference alone, A12 and the ``ratio`` of medians with its interval."""
+
+    name: str
+    ours: float
+    theirs: float
+    p: float
+    better: float
+    ratio: tuple[float, float]
+
+    def verdict(self, p: float) -> str:
+        """Return who wins where `p` is that of the difference among all that are tested."""
+        winner = "undecided" if p > LEVEL else "WGPM wins" if self.better > 0.5 else "LOSS, GPM wins"
+        low, high = self.ratio
+        return f"{winner}, p {p:.1e} (Holm), A12 {self.better:.2f}, ratio of medians {low:.3f} to {high:.3f}"
+
+
+def _indicators(fronts: Fronts) -> dict[str, Callable[[np.ndarray], float]]:
+    """Return indicators of a front by name, over the ranges of the best of all."""
     union = np.concatenate([front for each in fronts.values() for front in each])
     union = union[moocore.is_nondominated(union)]
     lower, upper = np.quantile(union, [LOW, 1 - HIGH], axis=0)
@@ -61,37 +99,27 @@ def comparison_rows(
         return np.clip((front - lower) / span, 0.0, None)
 
     best = normalise(union)
-    measures: dict[str, Callable[[np.ndarray], float]] = {
+    return {
         "hypervolume": lambda front: moocore.hypervolume(normalise(front), ref=[CORNER] * front.shape[1]),
         "IGD+": lambda front: moocore.igd_plus(normalise(front), ref=best),
         "additive ε": lambda front: moocore.epsilon_additive(normalise(front), ref=best),
     }
-    medians, tests, sizes = [], list[float](), []
-    for name, measure in measures.items():
-        ours, theirs = (np.array([float(measure(front)) for front in fronts[family]]) for family in FAMILIES)
-        test = mannwhitneyu(ours, theirs)
-        larger = float(test.statistic) / len(ours) / len(theirs)
-        interval = bootstrap((ours, theirs), _ratio, vectorized=False, n_resamples=2000, rng=0).confidence_interval
-        medians.append((name, float(np.median(ours)), float(np.median(theirs))))
-        sizes.append((larger if name == "hypervolume" else 1 - larger, interval.low, interval.high))
-        tests.append(float(test.pvalue))
-    rows = []
-    for (name, one, other), p, (better, low, high) in zip(medians, holm(tests), sizes, strict=True):
-        verdict = "undecided" if p > LEVEL else "WGPM wins" if better > 0.5 else "LOSS, GPM wins"
-        rows.append(
-            Row(
-                table=f"fronts of WGPM beside GPM, {seeds} seeds, {population * generations} evaluations each",
-                row="path of section 3.2",
-                column=f"{name}, median",
-                unit="",
-                ours=one,
-                reference=other,
-                source="GPM",
-                note=f"from {judged_starts} starts each: {verdict}, p {p:.1e} (Holm), A12 {better:.2f}, "
-                f"ratio of medians {low:.3f} to {high:.3f}",
-            )
-        )
-    return rows
+
+
+def _compare(name: str, measure: Callable[[np.ndarray], float], fronts: Fronts) -> Comparison:
+    """Return how an indicator of both families' fronts compares."""
+    ours, theirs = (np.array([float(measure(front)) for front in fronts[family]]) for family in FAMILIES)
+    test = mannwhitneyu(ours, theirs)
+    larger = float(test.statistic) / len(ours) / len(theirs)
+    interval = bootstrap((ours, theirs), _ratio, vectorized=False, n_resamples=2000, rng=0).confidence_interval
+    return Comparison(
+        name=name,
+        ours=float(np.median(ours)),
+        theirs=float(np.median(theirs)),
+        p=float(test.pvalue),
+        better=larger if name == "hypervolume" else 1 - larger,
+        ratio=(float(interval.low), float(interval.high)),
+    )
 
 
 def _ratio(ours: np.ndarray, theirs: np.ndarray) -> float:
