@@ -6,13 +6,15 @@ import importlib
 import inspect
 import sys
 import traceback
+from collections.abc import Callable
 from pathlib import Path
-from types import FunctionType, ModuleType
+from types import ModuleType
 from typing import Any, TypeGuard
 
 from paretoik.errors import InvalidInput, ParetoikError
 from paretoik.formulations.protocol import timeline
-from paretoik.inputs import likely_spelling, shown
+from paretoik.inputs import likely_spelling, listed, shown
+from paretoik.missing_files import missing_file
 from paretoik.shell_command import shell_command
 
 LONGEST = 200  # characters of a reference that is shown whole
@@ -38,7 +40,7 @@ def load_problem(reference: str) -> Any:
     module = _import_module(place)
     value = getattr(module, name, None)
     if value is None:
-        raise InvalidInput(f"problem {_quoted(reference)}: wanted one that {place} has, {_list_names(module, name)}")
+        raise InvalidInput(f"problem {_quoted(reference)}: wanted {_wish_and_fact(module, place, name)}")
     problem = _call(value, module, reference) if _is_factory(value, module) else value
     if not _is_problem(problem):
         raise InvalidInput(
@@ -62,12 +64,7 @@ def unannotated_in(place: str) -> list[str]:
 
     Raises InvalidInput where the module or file cannot be loaded.
     """
-    module = _import_module(place)
-    return [
-        name
-        for name, value in vars(module).items()
-        if not name.startswith("_") and _is_own_factory(value, module) and "return" not in value.__annotations__
-    ]
+    return _unannotated(_import_module(place))
 
 
 def _import_module(place: str) -> ModuleType:
@@ -75,7 +72,7 @@ def _import_module(place: str) -> ModuleType:
     root, dotted = Path.cwd(), place
     if path.suffix == ".py":
         if not path.is_file():
-            raise InvalidInput(f"problem file {place}: wanted a file, got nothing of that name in {root}")
+            raise InvalidInput(f"problem file {place}: wanted a file, got {missing_file(path)}")
         root, dotted = _root_and_name(path.resolve())
         _refuse_clash(root, dotted.partition(".")[0])
     elif not all(part.isidentifier() for part in dotted.split(".")):
@@ -89,7 +86,10 @@ def _import_module(place: str) -> ModuleType:
     except ModuleNotFoundError as error:
         missing = str(error.name)
         if dotted == missing or dotted.startswith(f"{missing}."):
-            raise InvalidInput(f"module {dotted!r}: wanted FILE.py or a module, got no module {missing!r}") from error
+            hint = likely_spelling(missing, [file.stem for file in root.glob("*.py")])
+            raise InvalidInput(
+                f"module {dotted!r}: wanted FILE.py or a module, got no module {missing!r}{hint}"
+            ) from error
         raise InvalidInput(f"problem file {place}: wanted to load it, got no module {missing!r} installed") from error
     except (Exception, SystemExit) as error:  # a user's file may raise anything
         file = str(path.resolve()) if path.suffix == ".py" else None
@@ -121,14 +121,28 @@ def _refuse_clash(root: Path, package: str) -> None:
         )
 
 
-def _list_names(module: ModuleType, name: str) -> str:
-    offered = list(_offers(module))
-    return f"{', '.join(offered) or 'none'}, got {shown(name)}{likely_spelling(name, offered)}"
+def _wish_and_fact(module: ModuleType, place: str, name: str) -> str:
+    """Return what a file has in place of a name that it has not: its problems, and functions that may make some."""
+    offered, others = list(_offers(module)), _unannotated(module)
+    names = [listed(offered)] if offered else []
+    names += [f"perhaps {listed(others)} (no return annotation)"] if others else []
+    wish = f"one that {place} has, {', '.join(names)}" if names else f"a problem or function of {place}, which has none"
+    return f"{wish}, got {shown(name)}{likely_spelling(name, [*offered, *others])}"
 
 
 def _offers(module: ModuleType) -> dict[str, Any]:
     public = {name: value for name, value in vars(module).items() if not name.startswith("_")}
     return {name: value for name, value in public.items() if _is_problem(value) or _makes_problem(value, module)}
+
+
+def _unannotated(module: ModuleType) -> list[str]:
+    return [
+        name
+        for name, value in vars(module).items()
+        if not name.startswith("_")
+        and _is_own_factory(value, module)
+        and "return" not in inspect.unwrap(value).__annotations__
+    ]
 
 
 def _is_factory(value: object, module: ModuleType) -> bool:
@@ -143,7 +157,7 @@ def _makes_problem(value: object, module: ModuleType) -> bool:
     return _is_own_factory(value, module) and _returns_problem(value)
 
 
-def _returns_problem(value: FunctionType) -> bool:
+def _returns_problem(value: Callable[..., Any]) -> bool:
     try:
         returned = inspect.signature(value, eval_str=True).return_annotation
     except Exception:  # an annotation that means nothing outside a type checker
@@ -155,9 +169,10 @@ def _is_problem_class(kind: type) -> bool:
     return hasattr(kind, "evaluate") or timeline(kind) == "step"
 
 
-def _is_own_factory(value: object, module: ModuleType) -> TypeGuard[FunctionType]:
+def _is_own_factory(value: object, module: ModuleType) -> TypeGuard[Callable[..., Any]]:
     """Return whether a value is a function that the module defines and that can be called without arguments."""
-    return inspect.isfunction(value) and value.__module__ == module.__name__ and not _required_arguments(value)
+    function = inspect.unwrap(value) if callable(value) else value
+    return inspect.isfunction(function) and function.__module__ == module.__name__ and not _required_arguments(value)
 
 
 def _call(function: Any, module: ModuleType, reference: str) -> Any:

@@ -21,6 +21,7 @@ import numpy as np
 
 from paretoik.errors import InvalidInput, InvalidRun
 from paretoik.file_replacement import only_writer, replace_file, replace_files
+from paretoik.missing_files import missing_file
 from paretoik.shell_command import shell_command
 
 FORMAT = 1
@@ -238,20 +239,15 @@ def read_plain_file(file: Path) -> bytes:
         descriptor = os.open(file, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
         try:
             if not stat.S_ISREG(os.fstat(descriptor).st_mode):
-                raise InvalidRun(f"{file}: wanted a plain file, got something else")
+                raise InvalidRun(f"{file}: wanted a plain file, got {missing_file(file)}")
             with open(descriptor, "rb", closefd=False) as content:
                 return content.read()
         finally:
             os.close(descriptor)
     except OSError as fault:
-        kinds = {
-            errno.ENOENT: "nothing",
-            errno.ENOTDIR: "nothing",
-            errno.ELOOP: "a link",
-            errno.ENXIO: "something else",
-        }
-        wish = "a plain file" if fault.errno in kinds else "to read it"
-        raise InvalidRun(f"{file}: wanted {wish}, got {kinds.get(fault.errno or 0, fault.strerror)}") from fault
+        if fault.errno in (errno.ENOENT, errno.ENOTDIR, errno.ELOOP, errno.ENXIO):
+            raise InvalidRun(f"{file}: wanted a plain file, got {missing_file(file)}") from fault
+        raise InvalidRun(f"{file}: wanted to read it, got {fault.strerror}") from fault
 
 
 def _refuse_constant(constant: str) -> None:

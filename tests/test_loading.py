@@ -97,7 +97,12 @@ def test_objects_functions_and_classes_without_required_arguments_are_problems(f
 @pytest.mark.parametrize(
     ("name", "words"),
     [
-        ("smal", r"wanted one that .*simple\.py has, small, sized, broken, ready, got 'smal'; did you mean 'small'\?"),
+        (
+            "smal",
+            r"wanted one that .*simple\.py has, small, sized, broken, ready, perhaps unsaid, remembered "
+            r"\(no return annotation\), got 'smal'; did you mean 'small'\?",
+        ),
+        ("remember", r"got 'remember'; did you mean 'remembered'\?"),
         ("x", "got 'x'$"),
         ("needy", "wanted a function without arguments, got one that needs genes"),
         ("text", "wanted a pymoo problem or a function that returns one, got 'no problem'"),
@@ -107,6 +112,17 @@ def test_objects_functions_and_classes_without_required_arguments_are_problems(f
 def test_a_name_that_is_no_problem_is_refused_with_the_reason(file, name, words):
     with pytest.raises(InvalidInput, match=words):
         load_problem(f"{file('simple.py', SIMPLE)}:{name}")
+
+
+def test_a_file_of_functions_that_say_nothing_proposes_them(file):
+    place = file(
+        "mine.py", "from os import getcwd\ndef reach():\n    ...\ndef _reech():\n    ...\ndef far(x):\n    ...\n"
+    )
+    wish = r"one that .*mine\.py has, perhaps reach \(no return annotation\)"
+    with pytest.raises(InvalidInput, match=rf"wanted {wish}, got 'reech'; did you mean 'reach'\?"):
+        load_problem(f"{place}:reech")
+    with pytest.raises(InvalidInput, match=r"wanted a problem or function of .*, which has none, got"):
+        load_problem(f"{file('empty.py', '')}:reach")
 
 
 @pytest.mark.parametrize("name", ["abort", "getcwd", "called", "Callable", "cache"])

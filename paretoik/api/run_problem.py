@@ -13,6 +13,7 @@ from typing import Any
 from paretoik.errors import InvalidInput
 from paretoik.inputs import shown
 from paretoik.loading import load_problem
+from paretoik.missing_files import missing_file
 from paretoik.run_files import RUN
 
 CONFIRM = "problem=, or --problem FILE.py:NAME, loads one wherever it is"
@@ -43,8 +44,9 @@ def check_own(folder: Path, reference: object) -> None:
     """Raise InvalidInput where what a run in a folder names is not a file of the current project.
 
     Such a file lies below the current folder, links followed, in no folder of any run, and in no folder below the
-    current one that the run is in too: they may have come together. The home folder and those above it are no
-    projects, nor is what lies in a run; modules, which may be anywhere on Python's path, are not loaded for a run.
+    current one that the run is in too: they may have come together. Whoever goes into a folder makes it the current
+    project: a folder of a stranger's is opened from outside. The home folder and those above it are no projects, nor is
+    what lies in a run; modules, which may be anywhere on Python's path, are not loaded for a run.
     """
     text, project = str(reference), Path.cwd().resolve()
     try:
@@ -61,7 +63,7 @@ def _fault(reference: str, run: Path, project: Path) -> str:
     if not name or Path(place).suffix != ".py" or "\0" in place:
         return "no FILE.py:NAME"
     if not Path(place).is_file():
-        return f"a file that is not in {project}"
+        return missing_file(Path(place))
     file = Path(place).resolve()
     if not _is_project(project) or not file.is_relative_to(project):
         return f"a file that is not below a project's folder: this is {project}"

@@ -11,6 +11,7 @@ import typer
 from paretoik.cli.console import RunFolder
 from paretoik.cli.options import RunProblem
 from paretoik.errors import InvalidInput
+from paretoik.missing_files import missing_file
 from paretoik.run_files import DRAWING, RECORDING, RUN, is_run, read_run
 from paretoik.shell_command import shell_command
 
@@ -39,9 +40,11 @@ def show(
 
 def _contents(run: Path) -> str:
     """Return in words what a folder without a recording holds."""
+    if not run.is_dir():
+        return missing_file(run / RECORDING)
     holds = read_run(run / RUN).get("holds") if is_run(run / RUN) else None
     if holds is None:
-        return "nothing; solve with out= to make one"
+        return "none; solve with out= to make one"
     picture = f"; its picture is {run / DRAWING}" if (run / DRAWING).is_file() else ""
     return f"a run that holds {holds}{picture}"
 

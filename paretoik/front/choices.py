@@ -18,6 +18,7 @@ from paretoik.errors import InvalidInput, InvalidRun
 from paretoik.file_replacement import only_writer, replace_file
 from paretoik.front.choice import Choice, Preference
 from paretoik.front.subset import row_of
+from paretoik.missing_files import missing_file
 from paretoik.run_files import CHOICES, RUN, check_digest, read_run, run_bytes, to_json
 from paretoik.tables import field_representation, fit_screen, html_representation
 from paretoik.user_warnings import warn_user
@@ -268,6 +269,6 @@ def choices_bytes(choices: Choices) -> bytes:
 def _run_locked(folder: Path) -> Iterator[None]:
     """Lock a run folder against other writers; raises InvalidInput where it is none."""
     if not (folder / RUN).is_file():
-        raise InvalidInput(f"{folder}: wanted a run folder, got none")
+        raise InvalidInput(f"{folder / RUN}: wanted a run, got {missing_file(folder / RUN)}")
     with only_writer(folder):
         yield

@@ -7,6 +7,7 @@ from pathlib import Path
 from xml.parsers import expat
 
 from paretoik.errors import InvalidInput, InvalidRobot
+from paretoik.missing_files import missing_file
 
 PARTS = ("link", "joint")  # what is read below <robot>; transmissions, materials and plug-ins are not
 SHAPES = ("visual", "collision")  # skipped in every part
@@ -58,9 +59,9 @@ def parse_elements(data: bytes, source: str) -> Element:
 
 def read_bytes(file: Path) -> bytes:
     """Return what a file of a robot holds; raises InvalidInput for no file, InvalidRobot for an empty or large one."""
-    if not file.is_file():
-        raise InvalidInput(f"{file}: a plain file wanted, got {'something else' if file.exists() else 'nothing'}")
     try:
+        if not file.is_file():
+            raise InvalidInput(f"{file}: a plain file wanted, got {missing_file(file)}")
         with file.open("rb") as stream:
             data = stream.read(OPTIONS.max_bytes + 1)
     except OSError as error:

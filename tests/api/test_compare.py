@@ -54,7 +54,7 @@ def test_labels_are_as_long_as_it_takes_to_tell_folders_apart(run, tmp_path):
 @pytest.mark.usefixtures("unchecked")
 def test_what_is_no_front_or_label_is_refused(run, tmp_path):
     folder, front = run
-    with pytest.raises(InvalidRun, match="wanted a plain file, got nothing"):
+    with pytest.raises(InvalidRun, match="wanted a plain file, got no such file"):
         pk.compare(folder, tmp_path)
     with pytest.raises(InvalidInput, match="labels: a list of them wanted, got 'ab'"):
         pk.compare(front, front, labels="ab")

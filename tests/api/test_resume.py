@@ -166,7 +166,7 @@ def test_a_second_writer_is_refused(copy):
 
 def test_a_folder_that_is_no_run_is_refused_and_left_alone(tmp_path):
     (tmp_path / "notes").write_text("mine")
-    with pytest.raises(InvalidRun, match="wanted a plain file, got nothing"):
+    with pytest.raises(InvalidRun, match="wanted a plain file, got no such file"):
         pk.resume(tmp_path)
     assert [file.name for file in tmp_path.iterdir()] == ["notes"]
 

@@ -31,7 +31,7 @@ def test_a_misspelt_command_is_met_with_the_right_one(paretoik):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["solve", "missing.py:p", "--out", "OUT"], "problem file missing.py: wanted a file, got nothing of that name"),
+        (["solve", "missing.py:p", "--out", "OUT"], "problem file missing.py: wanted a file, got no such file in "),
         (["solve", "MINE:goood", "--out", "OUT"], "got 'goood'; did you mean 'good'?"),
         (
             ["solve", "MINE:good", "--out", "OUT", "--population", "3"],
@@ -44,7 +44,7 @@ def test_a_misspelt_command_is_met_with_the_right_one(paretoik):
             "time limit: must be finite, got nan",
         ),
         (["solve", "MINE:good", "--out", "MINE"], "wanted a folder to write a run into, got File exists"),
-        (["select", "OUT", "--weights", "kinetic_energy=1"], "run.json: wanted a plain file, got nothing"),
+        (["select", "OUT", "--weights", "kinetic_energy=1"], "run.json: wanted a plain file, got no folder "),
         (
             ["select", "RUN", "--weights", "kinetic_energy"],
             "weights: wanted NAME=NUMBER,NAME=NUMBER, got 'kinetic_energy'",
@@ -54,10 +54,13 @@ def test_a_misspelt_command_is_met_with_the_right_one(paretoik):
             ["select", "RUN", "--weights", "torque_norm=1,torque_norm=2"],
             "wanted each objective once, got torque_norm twice",
         ),
-        (["select", "RUN", "--weights", "torque=1"], "wanted names among kinetic_energy, torque_norm, got 'torque'"),
+        (
+            ["select", "RUN", "--weights", "torque=1"],
+            "wanted names among kinetic_energy, torque_norm, got 'torque'; did you mean 'torque_norm'?",
+        ),
         (["select", "RUN", "--weights", "torque_norm=0"], "weights: wanted at least one above zero"),
         (["select", "RUN", "--weights", "torque_norm=nan"], "wanted a finite number >= 0 for torque_norm, got nan"),
-        (["show", "OUT"], "review.rrd: wanted a recording, got nothing"),
+        (["show", "OUT"], "review.rrd: wanted a recording, got no folder "),
         (["check-robot", "missing.urdf"], "missing.urdf"),
         (["check-robot", "PANDA", "--tip", "thumb"], "tip: one of"),
     ],

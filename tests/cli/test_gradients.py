@@ -96,7 +96,7 @@ def test_wrong_combinations_are_one_line_and_2(paretoik, mine, finished, tmp_pat
         (("plan", f"{mine}:good", "--out", tmp_path / "p"), "plan: one objective wanted, got 2"),
         (("refine", finished, "--out", finished), "out: wants another folder"),
         (("front", f"{mine}:good", "--out", finished), "permission to overwrite"),
-        (("refine", tmp_path, "--out", tmp_path / "r"), "wanted a plain file, got nothing"),
+        (("refine", tmp_path, "--out", tmp_path / "r"), "wanted a plain file, got no such file"),
     ):
         ended = paretoik(*words, "--quiet")
         assert (ended.code, ended.out, ended.err.count("\n")) == (2, "", 1)

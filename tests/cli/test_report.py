@@ -31,4 +31,4 @@ def test_a_page_replaces_a_page_and_nothing_else_unless_told(paretoik, finished,
 def test_a_folder_that_is_no_run_is_refused(paretoik, tmp_path):
     ended = paretoik("report", tmp_path)
     assert ended.code == 2
-    assert "wanted a plain file, got nothing" in ended.err
+    assert "wanted a plain file, got no such file" in ended.err

@@ -187,7 +187,7 @@ def test_choices_that_are_a_link_or_a_folder_are_refused_and_left(kept, tmp_path
     file, elsewhere = kept.folder / CHOICES, tmp_path / "elsewhere.json"
     file.rename(elsewhere)
     content = elsewhere.read_bytes()
-    for make, kind in ((lambda: file.symlink_to(elsewhere), "a link"), (file.mkdir, "something else")):
+    for make, kind in ((lambda: file.symlink_to(elsewhere), "a link"), (file.mkdir, "a folder")):
         make()
         for ask in (lambda: kept.select(20), kept.undo, lambda: kept.choices):
             with pytest.raises(InvalidRun, match=f"wanted a plain file, got {kind}"):

@@ -191,7 +191,7 @@ def test_a_damaged_file_with_a_matching_digest_still_raises_nothing_but_our_erro
 def test_a_missing_file_a_link_and_a_pipe_are_refused(front, tmp_path, name):
     front.save(tmp_path)
     (tmp_path / name).rename(tmp_path / "elsewhere")
-    with pytest.raises(InvalidRun, match=f"{name}: wanted a plain file, got nothing"):
+    with pytest.raises(InvalidRun, match=f"{name}: wanted a plain file, got no such file"):
         Front.load(tmp_path)
     (tmp_path / name).symlink_to(tmp_path / "elsewhere")
     with pytest.raises(InvalidRun, match=f"{name}: wanted a plain file, got a link"):

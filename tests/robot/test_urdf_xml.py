@@ -74,9 +74,9 @@ def test_a_hostile_file_costs_bounded_memory(tmp_path, name):
 
 
 def test_a_missing_file_or_a_folder_is_told(tmp_path):
-    with pytest.raises(InvalidInput, match="a plain file wanted, got nothing"):
+    with pytest.raises(InvalidInput, match="a plain file wanted, got no such file"):
         Arm.from_urdf(tmp_path / "none.urdf")
-    with pytest.raises(InvalidInput, match="a plain file wanted, got something else"):
+    with pytest.raises(InvalidInput, match="a plain file wanted, got a folder"):
         check_robot(tmp_path)
 
 

@@ -1,0 +1,58 @@
+"""What a message says where a path leads to no file: what is missing of it, and which name near by may be meant."""
+
+from __future__ import annotations
+
+import os
+from contextlib import suppress
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+
+from paretoik.inputs import likely_spelling
+
+
+@dataclass(frozen=True, kw_only=True)
+class MissingFileOptions:
+    """Of a folder at most so many ``entries`` are looked at for a name like the one that is missing."""
+
+    entries: int = 1000
+
+
+OPTIONS = MissingFileOptions()
+
+
+def missing_file(path: Path) -> str:
+    """Return in words why there is no plain file at a path: the first part of it that is not there, or what is.
+
+    A relative path is looked for in the current folder, which is named. A question names what is spelt much like the
+    missing part in the same folder: of a file another file, of a folder another folder.
+    """
+    try:
+        return _kind(path) if os.path.lexists(path) else _missing_part(path)
+    except OSError as fault:  # a name that is too long, a folder that nobody may look into
+        return f"a path that cannot be followed, {fault.strerror}"
+
+
+def _kind(path: Path) -> str:
+    if path.is_symlink():
+        return "a link" if path.exists() else "a link that leads to nothing"
+    return "a folder" if path.is_dir() else "something else"
+
+
+def _missing_part(path: Path) -> str:
+    missing = path
+    while missing.parent != missing and not os.path.lexists(missing.parent):
+        missing = missing.parent
+    folder = missing.parent
+    if not folder.is_dir():
+        return f"a path through {folder}, which is no folder"
+    what = "no such file" if missing == path else f"no folder {missing}"
+    place = "" if path.is_absolute() else f" in {Path.cwd()}"
+    return f"{what}{place}{likely_spelling(missing.name, _names(folder, folders=missing != path))}"
+
+
+def _names(folder: Path, *, folders: bool) -> list[str]:
+    """Return the names of a folder's files, or of its folders; none where nobody may look into it."""
+    with suppress(OSError), os.scandir(folder) as entries:
+        return [each.name for each in islice(entries, OPTIONS.entries) if each.is_dir() == folders]
+    return []

@@ -1,0 +1,52 @@
+"""What is missing of a path is said in words, with the name near by that may be meant."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from paretoik.missing_files import OPTIONS, missing_file
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "runs" / "first").mkdir(parents=True)
+    for name in ("arm.urdf", "runs/first.txt"):
+        (tmp_path / name).write_text("")
+    (tmp_path / "lost").symlink_to(tmp_path / "gone")
+    (tmp_path / "linked").symlink_to(tmp_path / "arm.urdf")
+    os.mkfifo(tmp_path / "pipe")
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("path", "words"),
+    [
+        ("amr.urdf", "no such file; did you mean 'arm.urdf'?"),
+        ("thumb", "no such file"),
+        ("runs/frist/run.json", "no folder {}/runs/frist; did you mean 'first'?"),
+        ("runs/frist.txt", "no such file; did you mean 'first.txt'?"),
+        ("none/of/these/at/all", "no folder {}/none"),
+        ("arm.urdf/run.json", "a path through {}/arm.urdf, which is no folder"),
+        ("runs", "a folder"),
+        ("lost", "a link that leads to nothing"),
+        ("linked", "a link"),
+        ("pipe", "something else"),
+    ],
+)
+def test_the_first_part_that_is_missing_is_named_with_what_may_be_meant(folder, path, words):
+    assert missing_file(folder / path) == words.format(folder)
+
+
+def test_of_a_relative_path_the_folder_is_named_that_it_starts_from(folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    assert missing_file(Path("amr.urdf")) == f"no such file in {folder}; did you mean 'arm.urdf'?"
+    assert missing_file(Path("run/first/run.json")) == f"no folder run in {folder}; did you mean 'runs'?"
+
+
+def test_of_a_folder_with_very_many_files_some_are_looked_at(tmp_path):
+    for number in range(OPTIONS.entries + 10):
+        (tmp_path / f"{number}.csv").touch()
+    assert missing_file(tmp_path / "arm.urdf") == "no such file"
