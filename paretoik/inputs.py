@@ -236,7 +236,8 @@ def check_choice(name: str, value: object, choices: Iterable[object]) -> None:
     offered = tuple(choices)
     if not any(type(value) is type(each) and value == each for each in offered):
         words = ", ".join(map(str, offered))
-        raise InvalidInput(f"{name} must be one of {words}, got {shown(value)}")
+        hint = likely_spelling(value, [each for each in offered if isinstance(each, str)])
+        raise InvalidInput(f"{name} must be one of {words}, got {shown(value)}{hint}")
 
 
 def check_instance(

@@ -13,6 +13,7 @@ from paretoik.front.choices import present_point, read_choices
 from paretoik.front.compromise import Compromise
 from paretoik.front.preferences import Aspiration, Bounds, Classify, Knee, Lexicographic, Robust, Weights
 from paretoik.front.preferences.point import Point
+from paretoik.inputs import likely_spelling
 
 CLASSES = "improve, improve:VALUE, keep, relax:VALUE or free"
 PREFERENCE_OF_OPTION = {"uncertainty": "robust", "from": "classify"}
@@ -113,7 +114,8 @@ def parse_classes(text: str, start: int | None, run: Path) -> Classify:
         elif not separator and word in lists:
             lists[word].append(name)
         else:
-            raise InvalidInput(f"classify: wanted of {name} {CLASSES}, got {kind!r}")
+            hint = likely_spelling(word, ("improve", "keep", "relax", "free"))
+            raise InvalidInput(f"classify: wanted of {name} {CLASSES}, got {kind!r}{hint}")
     if start is None:
         start = present_point(read_choices(run), name="--from")
     return Classify(start, improve_to=values["improve"], relax_to=values["relax"], **lists)

@@ -30,7 +30,7 @@ def refusal_of(error: Any, words: Sequence[str], commands: Sequence[str]) -> Inv
     if kind == "MissingParameter":
         return _refusal(command, f"{_name(error.param)}: a value wanted, got none")
     if getattr(error, "param", None) is not None:
-        return _refusal(command, f"{_name(error.param)}: {_wish(str(error))} wanted, got {_fact(error.param, words)}")
+        return _refusal(command, f"{_name(error.param)}: {_wish(str(error))} wanted, got {_fact(error, words)}")
     name = re.fullmatch(r"No such command '(.*?)'\..*", str(error), re.DOTALL)
     if name is not None:
         text = f"command: one of {', '.join(commands)} wanted, got {shown(name[1])}"
@@ -51,17 +51,22 @@ def _name(param: Any) -> str:
 
 def _wish(message: str) -> str:
     """Return what is wanted by what the parser says, in its own words where it says something else."""
-    choices = re.search(r"is not one of (.*?)\.?$", message, re.DOTALL)
-    if choices is not None:
-        return f"one of {choices[1].replace(chr(39), '')}"
+    if choices := _choices(message):
+        return f"one of {', '.join(choices)}"
     return next((wish for word, wish in WISHES.items() if word in message), f"another value ({message})")
 
 
-def _fact(param: Any, words: Sequence[str]) -> str:
-    """Return the value of an option, which comes after its name or behind its equals sign."""
+def _choices(message: str) -> list[str]:
+    """Return the choices of which the parser says that a value is none."""
+    listed = re.search(r"is not one of (.*?)\.?$", message, re.DOTALL)
+    return [] if listed is None else listed[1].replace("'", "").split(", ")
+
+
+def _fact(error: Any, words: Sequence[str]) -> str:
+    """Return the value of an option, which comes after its name or behind its equals sign, and what it may mean."""
     values = [
         word.partition("=")[2] if "=" in word else after
         for word, after in zip(words, [*words[1:], ""], strict=True)
-        if word.partition("=")[0] in param.opts
+        if word.partition("=")[0] in error.param.opts
     ]
-    return shown(values[-1]) if values else "another"
+    return f"{shown(values[-1])}{likely_spelling(values[-1], _choices(str(error)))}" if values else "another"

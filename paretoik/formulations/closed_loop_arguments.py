@@ -14,7 +14,7 @@ from paretoik.closed_loop.objectives import StepObjective, as_step_objective
 from paretoik.closed_loop.workspace import OPTIONS
 from paretoik.errors import InvalidInput
 from paretoik.front.preferences import Weights
-from paretoik.inputs import check_size, finite_array, read_list, real_array, shown
+from paretoik.inputs import check_size, finite_array, likely_spelling, read_list, real_array, shown
 from paretoik.task.limits import LIMITED, Limits
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective
@@ -40,7 +40,8 @@ def normalise_weights(
     if isinstance(weights, Weights):
         unknown = [name for name in weights.weights if name not in names]
         if unknown:
-            raise InvalidInput(f"weights: wanted names among {', '.join(names)}, got {shown(unknown[0])}")
+            hint = likely_spelling(unknown[0], names)
+            raise InvalidInput(f"weights: wanted names among {', '.join(names)}, got {shown(unknown[0])}{hint}")
         weights = [weights.weights.get(name, 0.0) for name in names]
     values = np.ones(len(names)) if weights is None else finite_array("weights", weights, shape=(len(names),))
     if (values < 0).any() or values.sum() <= 0:

@@ -14,7 +14,7 @@ from paretoik.errors import InvalidInput
 from paretoik.front.front import Front
 from paretoik.front.indicators import hypervolume, non_dominated
 from paretoik.front.provenance import differences as differing_entries
-from paretoik.inputs import shown
+from paretoik.inputs import likely_spelling, shown
 
 Pairs = Float[np.ndarray, "fronts fronts"]
 ATTAINABLE = (2, 3)  # numbers of objectives that surfaces are computed of
@@ -184,7 +184,8 @@ class Comparison:
 
     def _runs(self, label: str | None) -> Sequence[int]:
         if label is not None and label not in self.labels:
-            raise InvalidInput(f"attainment: wanted a label among {', '.join(self.groups)}, got {shown(label)}")
+            hint = likely_spelling(label, self.groups)
+            raise InvalidInput(f"attainment: wanted a label among {', '.join(self.groups)}, got {shown(label)}{hint}")
         return range(len(self.fronts)) if label is None else self.groups[label]
 
     @cached_property

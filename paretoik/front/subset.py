@@ -12,7 +12,7 @@ from jaxtyping import Float, Int
 from paretoik.arrays import Mask
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.front.provenance import LARGEST_ID, NAVIGATIONS
-from paretoik.inputs import check_mapping, finite_number, is_integer, shown
+from paretoik.inputs import check_mapping, finite_number, is_integer, likely_spelling, shown
 
 if TYPE_CHECKING:  # a front asks this file for its parts
     from paretoik.front.front import Front
@@ -96,7 +96,7 @@ def attach(front: Front, folder: Any) -> Front:
 
 def within_bounds(front: Front, bounds: Mapping[str, Bound] | None, named: Mapping[str, Bound]) -> Front:
     """Return the front of the points within bounds, by objective; raises InvalidInput for others than pairs."""
-    limits = bounds_by_axis(front, merge_bounds("where", bounds, named))
+    limits = bounds_by_axis(front, merge_bounds("where", bounds, named), name="where")
     return take(front, np.flatnonzero(inside(front, limits)))
 
 
@@ -112,14 +112,17 @@ def merge_bounds(
     return {each: _check_bound(f"{name} {each}", pair) for each, pair in merged.items()}
 
 
-def bounds_by_axis(front: Front, bounds: Mapping[str, Bound]) -> Float[np.ndarray, "n_obj 2"]:
-    """Return the lower and upper bound of every objective, infinite where open; raises InvalidInput for other names."""
-    check_known(front, "bounds", bounds)
+def bounds_by_axis(front: Front, bounds: Mapping[str, Bound], *, name: str = "bounds") -> Float[np.ndarray, "n_obj 2"]:
+    """Return the lower and upper bound of every objective, infinite where open.
+
+    Raises InvalidInput, by ``name``, where one is of no objective.
+    """
+    check_known(front, name, bounds)
     limits = np.tile([-np.inf, np.inf], (len(front.names), 1))
-    for name, pair in bounds.items():
+    for objective, pair in bounds.items():
         for side, value in enumerate(pair):
             if value is not None:
-                limits[front.names.index(name), side] = value
+                limits[front.names.index(objective), side] = value
     return limits
 
 
@@ -133,7 +136,8 @@ def check_known(front: Front, name: str, objectives: Mapping[str, object] | Sequ
     """Raise InvalidInput, with the valid ones, where a name is none of the front's objectives."""
     unknown = [each for each in objectives if each not in front.names]
     if unknown:
-        raise InvalidInput(f"{name}: wanted names among {', '.join(front.names)}, got {shown(unknown[0])}")
+        hint = likely_spelling(unknown[0], front.names)
+        raise InvalidInput(f"{name}: wanted names among {', '.join(front.names)}, got {shown(unknown[0])}{hint}")
 
 
 def _rows_of(front: Front, ids: np.ndarray, name: str) -> Int[np.ndarray, " rows"]:

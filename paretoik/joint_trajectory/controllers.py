@@ -21,7 +21,7 @@ import numpy as np
 
 from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
-from paretoik.inputs import shown
+from paretoik.inputs import likely_spelling, shown
 from paretoik.joint_trajectory.controller import Braking, Controller
 from paretoik.robot.arm import Arm, check_arm
 
@@ -130,9 +130,10 @@ def find_controller(controller: str | Controller, arm: Arm) -> Controller:
     check_arm("arm", arm)
     if not isinstance(controller, Controller):
         if not isinstance(controller, str) or (controller not in FAMILIES and controller not in CONTROLLERS):
-            names = ", ".join((*FAMILIES, *CONTROLLERS))
+            names = (*FAMILIES, *CONTROLLERS)
             raise InvalidInput(
-                f"controller: one of {names}, or a pk.controllers.Controller wanted, got {shown(controller)}"
+                f"controller: one of {', '.join(names)}, or a pk.controllers.Controller wanted, got "
+                f"{shown(controller)}{likely_spelling(controller, names)}"
             )
         controller = CONTROLLERS.get(controller) or _of_family(controller, arm)
     return controller.arranged_for(arm)

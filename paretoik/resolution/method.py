@@ -11,7 +11,7 @@ from jaxtyping import Float, Shaped
 
 from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
-from paretoik.inputs import check_choice, check_text, finite_array, read_list, shown
+from paretoik.inputs import check_choice, check_text, finite_array, likely_spelling, read_list, shown
 from paretoik.tables import field_representation, html_representation
 from paretoik.task.objectives import Objective
 
@@ -151,7 +151,8 @@ class Method:
         names.update(dict.fromkeys(each.name for each in fields(self)))
         for name in values:
             if name not in names:
-                raise InvalidInput(f"{type(self).__name__}: one of {', '.join(names)} wanted, got {shown(name)}")
+                hint = likely_spelling(name, names)
+                raise InvalidInput(f"{type(self).__name__}: one of {', '.join(names)} wanted, got {shown(name)}{hint}")
         return replace(self, **values)
 
     def follow(

@@ -111,7 +111,8 @@ def _check_fixed(source: str, below: list[JointDescription], fixed: Mapping[str,
     joints = {joint.name: joint for joint in below if joint.type in JOINT_TYPES}
     for name, value in fixed.items():
         if name not in joints:
-            raise InvalidInput(f"{source}: fixed: joints among {listed(joints)} wanted, got {shown(name)}")
+            hint = likely_spelling(name, joints)
+            raise InvalidInput(f"{source}: fixed: joints among {listed(joints)} wanted, got {shown(name)}{hint}")
         lower, upper = joints[name].lower, joints[name].upper
         if not lower <= finite_number(f"{source}: joint {name!r}", value) <= upper:
             raise InvalidInput(f"{source}: joint {name!r}: a value from {lower:g} to {upper:g} wanted, got {value:g}")

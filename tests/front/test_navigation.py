@@ -58,6 +58,12 @@ def front(**parts):
         ({"improve": "time"}, "names among energy, torque, travel, got 'time'"),
         ({"allow": "time"}, "allow: wanted names among"),
         ({"hold": ("torque", "tim")}, "hold: wanted names among"),
+        (
+            {"improve": "energ"},
+            "improve: wanted names among energy, torque, travel, got 'energ'; did you mean 'energy'?",
+        ),
+        ({"allow": "travl"}, "got 'travl'; did you mean 'travel'?"),
+        ({"hold": ("torqe",)}, "got 'torqe'; did you mean 'torque'?"),
         ({"allow": "energy"}, "other than what is to improve, got energy"),
         ({"hold": ("torque", "travel")}, "not on hold, got none"),
         ({"allow": "torque", "hold": "torque"}, "not on hold, got torque"),

@@ -15,7 +15,7 @@ from paretoik.front.preference_options import OPTIONS
 from paretoik.front.preferences.named_numbers import named_numbers
 from paretoik.front.subset import check_front, check_known
 from paretoik.front.ties import first_row
-from paretoik.inputs import shown
+from paretoik.inputs import likely_spelling, shown
 from paretoik.tables import html_representation
 
 
@@ -65,7 +65,10 @@ class Lexicographic:
         )
         for field, named in (("tolerances", amounts), ("tolerance_shares", shares)):
             for name in named.keys() - set(order):
-                raise InvalidInput(f"lexicographic {field}: wanted those of {', '.join(order)}, got {shown(name)}")
+                hint = likely_spelling(name, order)
+                raise InvalidInput(
+                    f"lexicographic {field}: wanted those of {', '.join(order)}, got {shown(name)}{hint}"
+                )
         both = [name for name in amounts if name in shares]
         if both:
             raise InvalidInput(

@@ -15,7 +15,7 @@ from paretoik.front.front import Front
 from paretoik.front.preferences.knee import Knee
 from paretoik.front.preferences.point import Point
 from paretoik.front.preferences.weights import Weights
-from paretoik.inputs import is_integer, shown
+from paretoik.inputs import is_integer, likely_spelling, shown
 from paretoik.user_functions import user_function
 
 BY_NAME: dict[str, Callable[[], Preference]] = {"knee": Knee, "compromise": Compromise}  # those that need no numbers
@@ -29,9 +29,10 @@ def as_preference(wish: Any, *, name: str = "select") -> Preference:
     if isinstance(wish, str):
         if wish in BY_NAME:
             return BY_NAME[wish]()
+        names = ", ".join(map(repr, BY_NAME))
         raise InvalidInput(
-            f"{name}: a preference wanted, by name {', '.join(map(repr, BY_NAME))}, got {shown(wish)}; others take "
-            "numbers or names, such as Weights(energy=1.0), Aspiration, Lexicographic, Bounds, Robust, Classify"
+            f"{name}: a preference wanted, by name {names}, got {shown(wish)}{likely_spelling(wish, BY_NAME)}; others "
+            "take numbers or names, such as Weights(energy=1.0), Aspiration, Lexicographic, Bounds, Robust, Classify"
         )
     if isinstance(wish, Mapping):
         return Weights(wish)

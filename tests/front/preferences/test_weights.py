@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from paretoik.errors import InvalidInput
 from paretoik.front.front import Front
-from paretoik.front.preferences import Weights
+from paretoik.front.preferences import Aspiration, Bounds, Classify, Lexicographic, Robust, Weights
 
 LINE = np.linspace(0.1, 1.0, 7)
 
@@ -138,9 +138,23 @@ def test_weights_of_which_none_is_positive_are_refused(weights):
         Weights(weights)
 
 
-def test_an_unknown_name_is_refused_with_the_valid_ones():
-    with pytest.raises(InvalidInput, match="wanted names among energy, torque, got 'enrgy'"):
-        curve().select(Weights(enrgy=1.0))
+@pytest.mark.parametrize(
+    "preference",
+    [
+        Weights(enrgy=1.0),
+        Robust(enrgy=1.0),
+        Aspiration(enrgy=1.0),
+        Lexicographic("enrgy"),
+        Bounds(enrgy=(None, 1.0)),
+        Bounds(energy=(None, 100.0), then=Weights(enrgy=1.0)),
+        Classify(100, improve=["enrgy"], free=["torque"]),
+        {"enrgy": 1.0},
+    ],
+    ids=repr,
+)
+def test_an_unknown_name_is_refused_with_the_valid_ones_and_the_likely_one(preference):
+    with pytest.raises(InvalidInput, match=r"names among energy, torque, got 'enrgy'; did you mean 'energy'\?"):
+        curve().select(preference)
 
 
 def test_a_name_given_twice_is_refused():
