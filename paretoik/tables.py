@@ -71,10 +71,15 @@ def fit_screen(text: str) -> str:
     limits  joint0, joint1, joint2, joint3, joint4, joint5, joint6, joint7, joint8, joint9, joint10, joint11, joint12,
             joint13, joint14, joint15, joint16, joint17, joint18, joint19
     """
-    lines = [part for line in text.splitlines() for part in _wrap(line)]
+    lines = wrap_text(text, SCREEN.width).splitlines()
     if len(lines) > SCREEN.lines:
         lines[SCREEN.lines - 1 :] = [f"... and {len(lines) - SCREEN.lines + 1} more lines"]
     return "\n".join(lines)
+
+
+def wrap_text(text: str, width: int) -> str:
+    """Return text with lines longer than ``width`` wrapped between words, below their second column."""
+    return "\n".join(part for line in text.splitlines() for part in _wrap(line, width))
 
 
 def field_representation(item: object) -> str:
@@ -132,15 +137,15 @@ def _brief_array(array: np.ndarray) -> str:
     return f"{shape}, {finite.min():.4g} to {finite.max():.4g}"
 
 
-def _wrap(line: str) -> list[str]:
-    """Return a line in parts as long as a screen is wide; those after the first stand below its second column."""
-    if len(line) <= SCREEN.width:
+def _wrap(line: str, width: int) -> list[str]:
+    """Return a line in parts of at most ``width``; those after the first stand below its second column."""
+    if len(line) <= width:
         return [line]
     label = re.match(r"\s*\S+\s{2,}|\s*", line)
-    indent = " " * min(label.end() if label is not None else 0, SCREEN.width // 2)
+    indent = " " * min(label.end() if label is not None else 0, width // 2)
     return textwrap.wrap(
         line,
-        SCREEN.width,
+        width,
         subsequent_indent=indent,
         break_on_hyphens=False,
         drop_whitespace=True,

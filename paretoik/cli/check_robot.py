@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from shutil import get_terminal_size
 from typing import Annotated
 
 import typer
 
 from paretoik.cli.console import JsonFlag, print_json
 from paretoik.errors import InvalidInput
+from paretoik.tables import SCREEN, wrap_text
 
 
 def check_robot(
@@ -17,7 +19,10 @@ def check_robot(
     tip: Annotated[str | None, typer.Option(help="Last link of the chain (the only leaf).")] = None,
     as_json: JsonFlag = False,
 ) -> None:
-    """List every fault of a URDF file, and the arm that paretoik would make of it."""
+    """List every fault of a URDF file, and the arm that paretoik would make of it.
+
+    Warnings that are alike are one, with the first names; --json has them all.
+    """
     from paretoik.robot.urdf import check_robot as check
     from paretoik.robot.urdf import report_text
 
@@ -25,6 +30,6 @@ def check_robot(
     if as_json:
         print_json({"summary": report.summary, "warnings": report.warnings, "faults": report.faults})
     else:
-        print(report_text(report))
+        print(wrap_text(report_text(report), get_terminal_size((SCREEN.width, SCREEN.lines)).columns))
     if report.faults:
         raise typer.Exit(InvalidInput.exit_code)

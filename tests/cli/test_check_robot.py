@@ -16,3 +16,11 @@ def test_check_robot_lists_the_chain_and_ends_with_0_or_every_fault_and_2(pareto
     assert [f"fault: {fault}" for fault in said["faults"]] == [
         line for line in lame.out.splitlines() if line.startswith("fault")
     ]
+
+
+def test_what_check_robot_prints_is_as_wide_as_the_terminal(paretoik, monkeypatch):
+    whole = strict(paretoik("check-robot", PANDA, "--json").out)["summary"]
+    monkeypatch.setenv("COLUMNS", "50")
+    lines = paretoik("check-robot", PANDA).out.splitlines()
+    assert max(map(len, lines)) <= 50 < max(map(len, whole))
+    assert " ".join(" ".join(lines).split()).startswith(" ".join(" ".join(whole).split()))

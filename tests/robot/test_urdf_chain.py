@@ -9,7 +9,7 @@ from paretoik.errors import InvalidInput, InvalidRobot
 from paretoik.robot.arm import Arm
 from paretoik.robot.dynamics import inverse_dynamics
 from paretoik.robot.kinematics import forward_kinematics
-from paretoik.robot.urdf import check_robot
+from paretoik.robot.urdf import check_robot, report_text
 from paretoik.task.motion_task_validation import lacks_masses
 from tests.robot.conftest import PANDA
 from tests.robot.urdf_text import BODY, LIMIT, chain_of_three, joint, link
@@ -163,3 +163,14 @@ def test_beside_other_faults_a_wrong_inertia_is_listed_wherever_it_is(write_urdf
         Arm.from_urdf(file, tip="d")
     assert any("triangle" in fault for fault in refused.value.faults)
     assert any("<mass>" in fault for fault in refused.value.faults)
+
+
+def test_what_is_said_alike_of_several_links_is_one_line_of_the_report_and_each_a_warning_of_it(write_urdf):
+    names = [f"antenna{number}" for number in range(5)]
+    parts = [part for name in names for part in (link(name, WRONG), joint(f"mast_{name}", "a", name, "fixed", ""))]
+    report = check_robot(write_urdf(*chain_of_three(), *parts), tip="d")
+    assert [warning.split("'")[1] for warning in report.warnings] == names
+    assert [line for line in report_text(report).splitlines() if line.startswith("warning")] == [
+        "warning: each of 5 links, 'antenna0', 'antenna1', 'antenna2' and 2 more: inertia must keep the triangle "
+        "inequality, got principal moments 1, 1 and 9 kg m²; off the chain, taken as a point mass"
+    ]
