@@ -120,24 +120,35 @@ def evaluate_function(name: str, function: Function, motion: Motion, form: Form)
     Raises EvaluationFailed where the function raises, InvalidInput where it returns what is no such array.
     """
     check_motion(name, motion)
-    shape = motion.q.shape[:-1] if form in ("integral", "peak") else motion.q.shape[:-2]
+    of_times = form in ("integral", "peak")
+    shape = motion.q.shape[:-1] if of_times else motion.q.shape[:-2]
+    wish = f"({form}) must return shape {'(*batch, time)' if of_times else '(*batch,)'}, here {shape}"
     with user_function(name):
         values = function(motion)
     if values is None:
-        raise InvalidInput(f"{name} must return an array of shape {shape}, got None (is a return missing?)")
+        raise InvalidInput(f"{name} {wish}, got None (is a return missing?)")
     try:
         array = np.asarray(values)
     except ValueError:
-        raise InvalidInput(f"{name} must return an array of shape {shape}, got rows of unequal length") from None
+        raise InvalidInput(f"{name} {wish}, got rows of unequal length") from None
     if array.dtype.kind not in "fiub":
         raise InvalidInput(f"{name} must return real numbers, got {array.dtype}")
     if array.shape != shape:
-        each = "time of each motion" if form in ("integral", "peak") else "motion"
         raise InvalidInput(
-            f"{name} ({form}) must return shape {shape}, got {array.shape}: a value for each {each}, whose arrays are "
-            "(*batch, time, joints), so that dq[..., 0] is of the first joint"
+            f"{name} {wish}, got {array.shape}: a value for {_each_value(motion, of_times=of_times)}; arrays of "
+            "motions are (*batch, time, joints), so that dq[..., 0] is of the first joint"
         )
     return array.astype(float)
+
+
+def _each_value(motion: Motion, *, of_times: bool) -> str:
+    """Return in words what a function of motions has a value for each of."""
+    count = int(np.prod(motion.q.shape[:-2]))
+    motions = "the motion" if motion.q.ndim == 2 else f"each of {count} motion{'s' * (count != 1)}"
+    if not of_times:
+        return motions
+    between = motion.differences == "spline" and motion.derivatives is not None
+    return f"each of {motion.q.shape[-2]} times{' (samples and between them)' * between} of {motions}"
 
 
 @objective(unit="J s", form="integral")

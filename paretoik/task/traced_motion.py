@@ -242,6 +242,7 @@ def trace_motion_function(
     Raises, by ``name``, InvalidInput for a function without derivatives, EvaluationFailed for one that raises.
     """
     shape = motion.time.shape if form in ("integral", "peak") else ()
+    wish = f"(time,), here {shape}," if shape else "()"
     try:
         with user_function(name):
             value = function(motion)
@@ -249,7 +250,7 @@ def trace_motion_function(
         if array.dtype.kind not in "fiub":
             raise InvalidInput(f"must return real numbers, got {array.dtype if array.ndim else repr(value)}")
         if array.shape != shape:
-            raise InvalidInput(f"({form}) must return shape {shape} where derivatives are taken, got {array.shape}")
+            raise InvalidInput(f"({form}) must return shape {wish} where derivatives are taken, got {array.shape}")
     except InvalidInput as error:
         raise InvalidInput(f"{name}: {error}") from None
     return list((array.entries if isinstance(array, TracedArray) else array).ravel())

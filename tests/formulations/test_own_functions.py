@@ -224,7 +224,10 @@ def middling(motion):
         (lambda: way(effort), "objectives: a list of functions decorated with @objective wanted"),
         (lambda: way([effort, effort]), "objectives: names must differ, got effort, effort"),
         (lambda: way([pk.measures.duration]), "duration: a name other than duration, ends, joint limits, motors"),
-        (lambda: way([misshapen]), r"objective misshapen \(integral\) must return shape \(4, 9\), got \(4, 9, 3\)"),
+        (
+            lambda: way([misshapen]),
+            r"objective misshapen \(integral\) must return shape .*, here \(4, 9\), got \(4, 9, 3\)",
+        ),
         (lambda: way([pk.obstacle_clearance]), "obstacle_clearance wants obstacles"),
         (lambda: way([middling]).program(), "objective middling: .*median"),
         (lambda: way([], energy=1.0), "energy: True or False wanted, got 1.0"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -230,20 +231,24 @@ def test_whole_numbers_and_truth_values_are_real_numbers():
         (
             "integral",
             lambda motion: None,
-            r"must return an array of shape \(3, 17\), got None \(is a return missing\?\)",
+            r"must return shape \(\*batch, time\), here \(3, 17\), got None \(is a return missing\?\)",
         ),
-        ("terminal", lambda motion: None, r"must return an array of shape \(3,\), got None"),
-        ("integral", lambda motion: motion.q, r"odd \(integral\) must return shape \(3, 17\), got \(3, 17, 4\)"),
-        ("peak", lambda motion: motion.q[:, -1, 0], r"odd \(peak\) must return shape \(3, 17\), got \(3,\)"),
-        ("general", lambda motion: motion.q[..., 0], r"odd \(general\) must return shape \(3,\), got \(3, 17\)"),
-        ("terminal", lambda motion: 1.0, r"odd \(terminal\) must return shape \(3,\), got \(\)"),
+        ("terminal", lambda motion: None, r"must return shape \(\*batch,\), here \(3,\), got None"),
+        (
+            "integral",
+            lambda motion: motion.q,
+            r"\(integral\) .*, here \(3, 17\), got \(3, 17, 4\): .* 17 times of each",
+        ),
+        ("peak", lambda motion: motion.q[:, -1, 0], r"odd \(peak\) must return shape .*, here \(3, 17\), got \(3,\)"),
+        ("general", lambda motion: motion.q[..., 0], r", here \(3,\), got \(3, 17\): a value for each of 3 motions;"),
+        ("terminal", lambda motion: 1.0, r"odd \(terminal\) must return shape \(\*batch,\), here \(3,\), got \(\)"),
         ("integral", lambda motion: motion.q[..., 0] * 1j, "odd must return real numbers, got complex128"),
         ("integral", lambda motion: motion.q[..., 0].astype(str), "odd must return real numbers, got <U"),
         ("integral", lambda motion: motion.q[..., 0].astype(object), "odd must return real numbers, got object"),
         (
             "terminal",
             lambda motion: [[1.0], [2.0, 3.0], []],
-            "odd must return an array of shape .*, got rows of unequal length",
+            r"odd \(terminal\) must return shape .*, got rows of unequal length",
         ),
     ],
 )
@@ -252,6 +257,16 @@ def test_a_function_that_returns_something_else_is_refused_by_name(form, returns
     with pytest.raises(InvalidInput, match=words) as refused:
         odd(MOTIONS["backward"])
     assert str(refused.value).startswith("objective odd ")
+
+
+def test_why_there_are_more_times_than_samples_is_said():
+    odd = pk.objective(unit="", form="integral", name="odd")(lambda motion: motion.q)
+    with pytest.raises(InvalidInput, match=r"each of 33 times \(samples and between them\) of each of 3 motions; "):
+        odd(replace(MOTIONS["backward"], differences="spline"))
+    with pytest.raises(
+        InvalidInput, match=r"here \(17,\), got \(17, 4\): a value for each of 17 times of the motion; "
+    ):
+        odd(MOTIONS["backward"][0])
 
 
 def test_what_an_objective_raises_is_not_hidden():
