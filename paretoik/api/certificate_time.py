@@ -5,13 +5,15 @@ from __future__ import annotations
 import time
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
+from paretoik.api.time_left import OPTIONS as TIME_LEFT
 from paretoik.arrays import Points
 from paretoik.execution.time_limit import reserve_time
-from paretoik.formulations.protocol import Differentiable
+from paretoik.formulations.protocol import Differentiable, task_of
 from paretoik.pareto.certificates import certify
 
 
@@ -29,6 +31,17 @@ OPTIONS = CertificateTime()
 def reserve_for_certificates(points: int) -> AbstractContextManager[None]:
     """Return a context that ends before the time limit under way, so that points found in it are certified, too."""
     return reserve_time(OPTIONS.share, points * OPTIONS.longest)
+
+
+def stages_after(problem: Any) -> str:
+    """Return what follows once the points of a front are there, in words."""
+    return "tightening and certification" if tightening_share(problem) else "certification"
+
+
+def tightening_share(problem: Any) -> float:
+    """Return how long limits are tightened between samples, as a share of the time that the points took; 0 for not."""
+    task = task_of(problem)
+    return TIME_LEFT.tightening if task is not None and task.differences == "spline" else 0.0
 
 
 def seconds_per_certificate(formulation: Differentiable, x: Points, ranges: Float[np.ndarray, " n_obj"]) -> float:

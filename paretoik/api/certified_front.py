@@ -73,7 +73,9 @@ def certified_front(
     signs = np.where(formulation.maximised, -1.0, 1.0)
 
     def certified(x: Points, genes: Genes | None = None) -> _CertifiedPoints:
-        shown = count_observer(observe, "tightening", later=seconds_per_certificate, uniform=True)
+        shown = count_observer(
+            observe, "tightening", later=seconds_per_certificate, uniform=True, following="certification"
+        )
         held, programs = formulation.hold_between(x, ranges, solver=solver, observe=shown)
         individuals = formulation.individuals(held, genes)
         certificates, better = certify(

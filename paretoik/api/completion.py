@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from paretoik.api.certificate_time import stages_after
 from paretoik.api.progress import Observer, count_observer
 from paretoik.api.refine import refine_front
 from paretoik.arrays import Ids, Points
@@ -62,7 +63,7 @@ def complete_front(
                 refined=True,
                 cold_points=OPTIONS.cold_points,
                 solver=solver,
-                observe=_point_observer(shown),
+                observe=_point_observer(shown, stages_after(front.problem)),
             )
             return complete_x, _ids(complete_x, x, ids, first_id), complete_ranges
         return x, ids, ranges
@@ -70,9 +71,9 @@ def complete_front(
     return refine_front(front, front.problem, solver=solver, observe=observe, complete=complete)
 
 
-def _point_observer(observe: Observer | None) -> ObserveSweep | None:
-    show = count_observer(observe, "point")
-    return None if show is None else lambda progress: show(progress.done, progress.total)
+def _point_observer(observe: Observer | None, following: str) -> ObserveSweep | None:
+    show = count_observer(observe, "point", following=following)
+    return None if show is None else lambda progress: show(progress.done, progress.total, progress.improving)
 
 
 def _ids(x: Points, before: Float[np.ndarray, " before *point"], ids: np.ndarray, first_id: int) -> np.ndarray:

@@ -11,7 +11,7 @@ import numpy as np
 from paretoik.api.infeasible_run import ObjectiveNames, infeasible_files
 from paretoik.api.run_session import RunSession
 from paretoik.errors import Infeasible
-from paretoik.formulations.protocol import broken_words, decode, explain_violation, violation_words
+from paretoik.formulations.protocol import broken_words, decode, explain_violation, task_of, violation_words
 from paretoik.review.recording.least_violating import LeastViolating
 from paretoik.review.recording.planned import PlanEnd
 from paretoik.review.recording.recorded_point import RecordedPoint, record_motion
@@ -86,8 +86,8 @@ def finish_infeasible(
 
 def _nearest_motion(problem: Any, failure: Infeasible) -> LeastViolating:
     """Return what a recording shows of the motion that an error has."""
-    task, motion = getattr(problem, "task", None), failure.motion
-    if not isinstance(task, MotionTask) or not isinstance(motion, Motion):
+    task, motion = task_of(problem), failure.motion
+    if task is None or not isinstance(motion, Motion):
         return LeastViolating(broken=(), reason=str(failure))
     objectives = np.array([float(objective(motion)) for objective in task.objectives])
     point = RecordedPoint(id=0, objectives=objectives, motion=record_motion(motion, curves=True))

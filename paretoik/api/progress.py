@@ -24,8 +24,9 @@ class RunProgress:
     "certification" of a front's points and their "verification". ``done`` of at most ``total`` are done; a stage
     without counts ("beginning", "compilation", "saving", "recording") has a total of 0. ``seconds`` have passed since
     the stage began, about ``remaining`` will until the verb ends; None where that cannot be told. ``summary`` says in
-    words what there is so far; ``generation`` has the points of a generation or step, None in other stages. ``then``
-    names what comes after the stage, "" for the end, where ``remaining`` does not count it.
+    words what there is so far; ``generation`` has the points of a generation or step, None in other stages. What comes
+    after the stage is named by ``then`` where ``remaining`` does not count it, and by ``following`` where it does; both
+    are "" before the end.
     """
 
     stage: str
@@ -36,6 +37,7 @@ class RunProgress:
     summary: str = ""
     generation: Generation | None = None
     then: str = ""
+    following: str = ""
 
 
 Observer: TypeAlias = Callable[[RunProgress], object]
@@ -49,12 +51,13 @@ def count_observer(
     again: float = 0.0,
     uniform: bool = False,
     then: str = "",
+    following: str = "",
 ) -> Callable[..., object] | None:
     """Return what tells an observer of counts (done, total, summary=""); None without one.
 
     Where everything in the stage takes about as long (``uniform``), and later stages take so many seconds for each of
-    its ``total``, and ``again`` times as long as this one, the observer learns about how long the verb will take, but
-    for the stage ``then``.
+    its ``total``, and ``again`` times as long as this one, the observer learns about how long the verb will take: with
+    the stages ``following``, without the stage ``then``.
     """
     if observe is None:
         return None
@@ -71,6 +74,7 @@ def count_observer(
                 remaining=time_left(done, total, seconds, later, again) if uniform else None,
                 summary=summary,
                 then=then,
+                following=following,
             )
         )
 

@@ -100,27 +100,38 @@ def progress_text(progress: RunProgress, time_limit: float | None = None) -> str
     """Return progress in a line: what is done of what, what there is so far, and the time that is left.
 
     A search or loop takes at most as long as what is done says. Elsewhere the time is what the verb estimates, and the
-    time so far where it cannot.
+    time so far where it cannot. Once all is done of a stage, the time that is left is that of what follows.
 
     >>> from paretoik.api.progress import RunProgress
     >>> progress_text(RunProgress(stage="step", done=3, total=12, seconds=60.0, summary="front 9"))
     'step 3/12, front 9, at most 3:00 left'
     >>> progress_text(RunProgress(stage="refinement", done=3, total=12, seconds=60.0, remaining=200.0))
     'refinement 3/12, about 3:20 left'
+    >>> progress_text(RunProgress(stage="point", done=12, total=12, remaining=62.0, following="certification"))
+    'point 12/12, 0:00 so far, then certification, about 1:02'
     """
     if progress.total == 0:
         return progress.summary or progress.stage
+    parts = [f"{progress.stage} {progress.done}/{progress.total}", progress.summary, _duration(progress, time_limit)]
+    is_done = progress.done >= progress.total
+    after = progress.then or (progress.following if is_done else "")
+    if after and not progress.then and progress.remaining is not None:
+        after += f", about {_minutes(progress.remaining)}"
+    return ", ".join([*filter(None, parts), *([f"then {after}"] if after else [])])
+
+
+def _duration(progress: RunProgress, time_limit: float | None) -> str:
+    """Return the time that is left of what a stage counts, or has passed where nothing is left, or it is not known."""
+    if progress.done >= progress.total:
+        return f"{_minutes(progress.seconds)} so far"
     if progress.stage in ("generation", "step"):
         remaining = progress.seconds / max(progress.done, 1) * (progress.total - progress.done)
         if time_limit is not None:
             remaining = min(remaining, max(time_limit - progress.seconds, 0.0))
-        duration = f"at most {_minutes(remaining)} left"
-    elif progress.remaining is None:
-        duration = f"{_minutes(progress.seconds)} so far"
-    else:
-        duration = f"about {_minutes(progress.remaining)} left"
-    parts = [f"{progress.stage} {progress.done}/{progress.total}", progress.summary]
-    return ", ".join([*filter(None, parts), duration, *([f"then {progress.then}"] if progress.then else [])])
+        return f"at most {_minutes(remaining)} left"
+    if progress.remaining is None:
+        return f"{_minutes(progress.seconds)} so far"
+    return f"about {_minutes(progress.remaining)} left"
 
 
 def _minutes(seconds: float) -> str:

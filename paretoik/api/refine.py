@@ -4,19 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from paretoik.api.certificate_time import reserve_for_certificates, seconds_per_certificate
+from paretoik.api.certificate_time import (
+    reserve_for_certificates,
+    seconds_per_certificate,
+    stages_after,
+    tightening_share,
+)
 from paretoik.api.certified_front import certified_front, no_worse
 from paretoik.api.progress import Observer, count_observer
 from paretoik.api.refinement_display import RefinementDisplay, improved_points
 from paretoik.api.review_front import review_front
 from paretoik.api.run_session import Subject, run_session
-from paretoik.api.time_left import OPTIONS as TIME_LEFT
 from paretoik.api.verb_session import verb_session
 from paretoik.arrays import Genes, Ids, Points, Values
 from paretoik.call_arguments import check_call
@@ -172,11 +177,10 @@ def refine_front(
         x = formulation.front_points(front)
         check_solver(formulation.program(ranges), solver)
         later = 0.0 if session.observe is None else seconds_per_certificate(formulation, x, ranges)
-        again = TIME_LEFT.tightening if _keeps_between(problem) else 0.0
         then = "" if complete is None else "optimum"
-        shown = count_observer(session.observe, "refinement", later=later, again=again, uniform=True, then=then)
+        count = partial(_count_round, session.observe, problem, later, then)
         with reserve_for_certificates(len(x)):
-            x, converged, ranges = _refine_over_own_ranges(formulation, x, ranges, solver, shown)
+            x, converged, ranges = _refine_over_own_ranges(formulation, x, ranges, solver, count)
             if complete is not None:
                 individuals = no_worse(formulation, formulation.individuals(x), front, ranges)
                 x, ids, ranges = complete(formulation, individuals.x, ids, ranges, session.observe)
@@ -197,10 +201,32 @@ def refine_front(
         return replace(refined, provenance={**refined.provenance, "refined": counts, **status})
 
 
+def _count_round(observe: Observer | None, problem: Any, later: float, then: str, number: int) -> Observe | None:
+    """Return what tells an observer how many points are refined, in a round of its own from the second on."""
+    show = count_observer(
+        observe,
+        "refinement",
+        later=later,
+        again=tightening_share(problem),
+        uniform=True,
+        then=then,
+        following=stages_after(problem),
+    )
+    words = f"round {number + 1}" if number else ""
+    return None if show is None else lambda done, total: show(done, total, words)
+
+
 def _refine_over_own_ranges(
-    formulation: Differentiable, x: Points, ranges: Values, solver: Solver, observe: Observe | None
+    formulation: Differentiable,
+    x: Points,
+    ranges: Values,
+    solver: Solver,
+    count: Callable[[int], Observe | None],
 ) -> tuple[Points, Bool[np.ndarray, " points"], Values]:
-    """Return points refined, which are local optima, and the ranges over which they are: about those of their front."""
+    """Return points refined, which are local optima, and the ranges over which they are: about those of their front.
+
+    What is done of a round is told to what ``count`` returns for its number.
+    """
     ended = False
 
     def show(done: int, total: int) -> object:
@@ -209,8 +235,8 @@ def _refine_over_own_ranges(
         return ended
 
     first, shares = ranges, np.ones(len(ranges))
-    for _ in range(OPTIONS.rounds):
-        program, before = formulation.program(first * shares), shares
+    for number in range(OPTIONS.rounds):
+        observe, program, before = count(number), formulation.program(first * shares), shares
         x, converged = refine_points(program, x, len(ranges), solver=solver, observe=show)
         values = evaluate_points(program, x).objectives[:, : len(ranges)] * before
         widths = np.ptp(values[front_rows(values)], axis=0)
@@ -218,11 +244,6 @@ def _refine_over_own_ranges(
         if ended or STOP[0] or (shares > OPTIONS.shrinkage * before).all():
             break
     return x, converged, first * before
-
-
-def _keeps_between(problem: Any) -> bool:
-    """Return whether limits of a problem's motions are tightened between samples."""
-    return getattr(getattr(problem, "task", None), "differences", None) == "spline"
 
 
 def _refinable(front: Front, problem: Any) -> tuple[Any, Differentiable]:

@@ -6,7 +6,7 @@ import time
 
 import numpy as np
 
-from paretoik.api.certificate_time import seconds_per_certificate
+from paretoik.api.certificate_time import seconds_per_certificate, stages_after, tightening_share
 from paretoik.api.progress import RunProgress, count_observer
 from paretoik.api.run_session import RunSession
 from paretoik.api.time_left import sweep_time_left
@@ -123,7 +123,12 @@ class SweepDisplay:
             self._steps += 1
         seconds = time.monotonic() - self._started
         remaining = sweep_time_left(
-            progress.done, progress.total, seconds, before=self._before, later=self.seconds_per_certificate
+            progress.done,
+            progress.total,
+            seconds,
+            before=self._before,
+            later=self.seconds_per_certificate,
+            again=tightening_share(self._formulation),
         )
         self._session.show(
             RunProgress(
@@ -132,7 +137,8 @@ class SweepDisplay:
                 total=progress.total,
                 seconds=seconds,
                 remaining=remaining,
-                summary=self._hypervolume.summary(self._steps - 1),
+                summary=", ".join(filter(None, [self._hypervolume.summary(self._steps - 1), progress.improving])),
                 generation=generation,
+                following=stages_after(self._formulation),
             )
         )

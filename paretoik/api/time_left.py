@@ -27,14 +27,14 @@ def time_left(done: int, total: int, seconds: float, later: float, again: float)
     return seconds / done * ((1 + again) * total - done) + later * total
 
 
-def sweep_time_left(done: int, total: int, seconds: float, *, before: int, later: float) -> float | None:
+def sweep_time_left(done: int, total: int, seconds: float, *, before: int, later: float, again: float) -> float | None:
     """Return about how many seconds an ε-front will still take; None as long as it found few points itself.
 
-    From ``before`` points on it has taken ``seconds``. All points then have their limits tightened between samples,
-    which takes a share of what finding them took, and ``later`` seconds each for their certificates.
+    From ``before`` points on it has taken ``seconds``. Later stages take for each point ``again`` times as long as
+    finding it took, and ``later`` seconds.
     """
     gained = done - before
     if gained < max(OPTIONS.share * total, 1.0) or seconds < OPTIONS.seconds:
         return None
     each = seconds / gained
-    return each * (total - done) + total * (OPTIONS.tightening * each + later)
+    return each * (total - done) + total * (again * each + later)

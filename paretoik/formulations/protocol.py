@@ -14,7 +14,8 @@ part                                     what it makes possible
                                          run is recognised as the problem's, it is rounded
 ``search_attributes``                    names of what does not count there: how solutions are searched for
 ``decode(genes), encode(motions)``       motions of a front; starting from motions
-``task``                                 motions of a stored run with their arm (``stored_motions``)
+``task``                                 the ``MotionTask`` of its motions: those of a stored run with their arm
+                                         (``stored_motions``), the limits that the least-violating one breaks
 ``follows_path``                         true where every motion follows the task's path exactly: stored ones, too
 all of ``Differentiable``                ``refine``, ``epsilon_front`` and certificates; a formulation without has
                                          no gradients, and these verbs refuse it before any work
@@ -49,6 +50,7 @@ if TYPE_CHECKING:  # so that loading a problem stays quick
     from paretoik.pareto.cold_search import ColdSearch
     from paretoik.pareto.scalarisation import Observe
     from paretoik.task.motion import Motion
+    from paretoik.task.motion_task import MotionTask
 
 Timeline: TypeAlias = Literal["generation", "step", "level", "refinement"]
 """What a run counts: generations of a search, steps of a closed loop, levels of ε, a front's refinement."""
@@ -130,6 +132,14 @@ def timeline(problem: Any) -> Timeline:
 def is_loop(front: Front) -> bool:
     """Say whether a front is the one motion of a loop that was followed step by step."""
     return front.provenance.get("timeline") == "step"
+
+
+def task_of(problem: Any) -> MotionTask | None:
+    """Return the task that a problem's motions belong to, None of one without."""
+    from paretoik.task.motion_task import MotionTask  # here, so that loading a problem stays quick
+
+    task = getattr(problem, "task", None)
+    return task if isinstance(task, MotionTask) else None
 
 
 def has_branches(problem: Any) -> bool:

@@ -29,7 +29,7 @@ class SweepProgress:
 
     ``x`` are all points, ``objectives`` (points, n_obj) minimised and not divided by anything, ``front`` the rows that
     no other dominates; ``epsilon`` (n_obj,) are the bounds under which was minimised, inf for what was minimised, None
-    where nothing was bounded.
+    where nothing was bounded. ``improving`` says in words how those that are there are improved, "" before that.
     """
 
     done: int
@@ -38,6 +38,7 @@ class SweepProgress:
     objectives: Float[np.ndarray, "points n_obj"]
     front: Int[np.ndarray, " front"]
     epsilon: Float[np.ndarray, " n_obj"] | None
+    improving: str
 
 
 ObserveSweep: TypeAlias = Callable[[SweepProgress], object]
@@ -62,6 +63,7 @@ class Sweep:
     observe: ObserveSweep | None
     ranges: Float[np.ndarray, " n_obj"]
     epsilon: Float[np.ndarray, " n_obj"] | None = None
+    improving: str = ""
     tried: dict[tuple[int, int], list[int]] = field(default_factory=dict)
     gaps: dict[tuple[int, int], Gap] = field(default_factory=dict)
 
@@ -104,6 +106,7 @@ class Sweep:
                 objectives=self._values * self.ranges,
                 front=front,
                 epsilon=epsilon,
+                improving=self.improving,
             )
         )
 
@@ -126,6 +129,7 @@ class Sweep:
             pairs, gaps = self._gaps(rows)
             targets = next_targets(gaps, self._values[rows], self.points)
             if enough := len(rows) >= self.points:
+                self.improving = "better places sought"
                 targets = targets[: max(further, 0)]
                 further -= len(targets)
             if not targets:
@@ -144,7 +148,7 @@ class Sweep:
         Where tangents contradict each other from the other side near by, always over the ridges between valleys, with a
         high barrier.
         """
-        jumps = list[tuple[int, list[Level]]]()
+        self.improving, jumps = "jumps searched", list[tuple[int, list[Level]]]()
         for pair in (list(pair) for pair in pairwise(self.spread().tolist())):
             gap = gap_between(self._values[pair], self.weights[pair])
             if not (gap.contradicts or gap.is_concave):
@@ -247,7 +251,7 @@ class Sweep:
 
         Where there are many valleys, a neighbour that came later may lie in a better one.
         """
-        options = OPTIONS.warm._replace(iterations=OPTIONS.basin_iterations)
+        options, self.improving = OPTIONS.warm._replace(iterations=OPTIONS.basin_iterations), "neighbours' basins tried"
         tried = np.zeros((0, 2), dtype=int)
         for _ in range(OPTIONS.rounds):
             pairs = self._neighbours()

@@ -6,10 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from paretoik.formulations.protocol import is_loop
+from paretoik.formulations.protocol import is_loop, task_of
 from paretoik.front.front import Front
 from paretoik.task.motion import Motion
-from paretoik.task.motion_task import MotionTask
 
 
 def describe_limits_between(front: Front, rows: Sequence[int] | None = None) -> str:
@@ -17,7 +16,7 @@ def describe_limits_between(front: Front, rows: Sequence[int] | None = None) -> 
 
     "" where none does, or the problem cannot say it; ``rows`` are those of the points that are looked at, else all.
     """
-    motions, task = front.motions, getattr(front.problem, "task", None)
-    if not isinstance(motions, Motion) or not isinstance(task, MotionTask) or is_loop(front):
+    motions, task = front.motions, task_of(front.problem)
+    if task is None or not isinstance(motions, Motion) or is_loop(front):
         return ""
     return task.describe_between(motions if rows is None else motions[np.asarray(rows, dtype=int)])

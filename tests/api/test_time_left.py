@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from paretoik.api.time_left import OPTIONS, time_left
+from paretoik.api.time_left import OPTIONS, sweep_time_left, time_left
 
 
 @pytest.mark.parametrize(("done", "seconds"), [(0, 10.0), (1, 10.0), (10, 0.5 * OPTIONS.seconds)])
@@ -15,3 +15,9 @@ def test_nothing_is_said_before_enough_is_done(done: int, seconds: float):
 )
 def test_later_stages_are_counted(later: float, again: float, wanted: float):
     assert time_left(10, 20, 20.0, later=later, again=again) == wanted
+
+
+@pytest.mark.parametrize(("later", "again", "wanted"), [(0.0, 0.0, 10.0), (0.5, 0.0, 20.0), (0.0, 0.5, 30.0)])
+def test_a_sweep_counts_what_it_found_itself_and_later_stages_of_all(later: float, again: float, wanted: float):
+    assert sweep_time_left(15, 20, 20.0, before=5, later=later, again=again) == wanted
+    assert sweep_time_left(6, 20, 20.0, before=5, later=later, again=again) is None

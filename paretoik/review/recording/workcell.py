@@ -10,12 +10,12 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import Times
+from paretoik.formulations.protocol import task_of
 from paretoik.front.front import Front
 from paretoik.robot.arm import Arm
 from paretoik.task.differences import Differences
 from paretoik.task.limits import Bounds, Limits
 from paretoik.task.motion import Motion
-from paretoik.task.motion_task import MotionTask
 from paretoik.task.obstacles import Obstacle
 
 
@@ -44,8 +44,8 @@ class Workcell:
 
 def workcell_of(problem: Any) -> Workcell | None:
     """Return the workcell of a formulation, None of a problem without an arm."""
-    task = getattr(problem, "task", None)
-    if isinstance(task, MotionTask):
+    task = task_of(problem)
+    if task is not None:
         return Workcell(
             arm=task.arm,
             paths=tuple(_in_space(each.path.positions) for each in task.tasks),

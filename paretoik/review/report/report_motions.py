@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from paretoik.formulations.protocol import task_of
 from paretoik.front.front import Front
 from paretoik.review.obstacle_outlines import outline, wires
 from paretoik.task.limits import JOINT_UNITS, LIMITED
 from paretoik.task.motion import Motion
-from paretoik.task.motion_task import MotionTask
 
 STEPS = 65535  # of a channel's range: values are whole numbers of 16 bits
 
@@ -108,8 +108,8 @@ class ReportMotions:
 
     def _limits(self) -> dict[str, Any]:
         """Return the limits of each kind: at what times, and of each joint the lower and the upper ones there."""
-        task = getattr(self.front.problem, "task", None)
-        if not isinstance(task, MotionTask):
+        task = task_of(self.front.problem)
+        if task is None:
             return {}
         return {
             kind: {
