@@ -37,9 +37,11 @@ def verify(folder: str | Path, problem: Any = None, *, observe: Observer | bool 
     """
     path, reason, same = file_path("folder", folder), "", None
     check_problem_argument(problem)
+    from paretoik.verification.arm_model import import_pinocchio
     from paretoik.verification.run_contents import read_contents
     from paretoik.verification.verify_run import verify_run
 
+    import_pinocchio()  # without it nothing is checked: that is known before any work
     with without_writers(path):
         run = read_contents(path)
     reference = run.entries.get("problem")

@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from paretoik.execution.computation import computed_text
-from paretoik.verification.arm_model import ArmModel, build_model, import_pinocchio
+from paretoik.verification.arm_model import ArmModel, build_model
 from paretoik.verification.between_checks import check_between
 from paretoik.verification.capability_checks import check_point_to_point, check_polygon, check_standing
 from paretoik.verification.certificate_checks import check_certificate
@@ -32,7 +32,6 @@ def verify_run(
 
     ``same`` says whether its fingerprint is the run's, None where that cannot be told; ``show`` learns what is done.
     """
-    import_pinocchio()
     rows = [*run.checks]
     if words := computed_text(run.entries.get("computed")):
         rows.append(note("computed by", math.nan, words))

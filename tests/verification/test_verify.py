@@ -78,10 +78,10 @@ def test_a_folder_without_a_run_is_refused(tmp_path):
         pk.verify(tmp_path)
 
 
-def test_without_pinocchio_one_line_says_what_to_install(good_run, monkeypatch):
+def test_without_pinocchio_one_line_says_what_to_install_before_anything_is_read(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pinocchio", None)
     with pytest.raises(pk.InvalidInput, match=r"paretoik\[verify\]"):
-        pk.verify(good_run("search")[0])
+        pk.verify(tmp_path / "nowhere", "nobody.py:problem")
 
 
 def test_the_command_prints_rows_and_ends_with_its_own_exit_code(good_run, tmp_path):
