@@ -11,6 +11,7 @@ import numpy as np
 from paretoik.errors import InvalidInput
 from paretoik.inputs import check_choice, check_flag, degrees_hint, finite_number, read_list, real_array, shown
 from paretoik.robot.arm import Arm, check_arm
+from paretoik.robot.pose import quaternion_to_matrix
 from paretoik.robot.scales import characteristic_length
 from paretoik.task.differences import Differences
 from paretoik.task.limits import Constraint, Limits
@@ -23,6 +24,7 @@ from paretoik.task.retraction import row_scales, task_errors
 from paretoik.task.task import Task, row_units
 
 START_TOLERANCE = 1e-6  # of the arm's length, and rad: a start this near the path is moved onto it
+TILT_TOLERANCE = 1e-4  # rad: the arc cosine of a rotation about z is this far from 0 by rounding alone, at most
 
 
 def motion_task(
@@ -51,7 +53,7 @@ def motion_task(
     every_task = [_as_task(one) for one in (tasks if isinstance(tasks, list | tuple) else [tasks])]
     followed = tuple(one.resolve_axes(arm) for one in every_task)
     for one in every_task:
-        _check_height(arm, one)
+        _check_plane(arm, one)
     _check_tasks(arm, followed, redundant)
     _check_objectives_and_limits(objectives, constraints, limits)
     _check_obstacles(obstacles, link_radius)
@@ -95,21 +97,27 @@ def _as_task(value: object) -> Task:
     return Task(value) if isinstance(value, Path) else value
 
 
-def _check_height(arm: Arm, task: Task) -> None:
-    """Raise InvalidInput where 3-D points leave the plane of a planar arm: without axes, nothing would follow their z.
+def _check_plane(arm: Arm, task: Task) -> None:
+    """Raise InvalidInput where a path leaves the plane of a planar arm: without axes, nothing would follow it there.
 
-    Poses are left alone: ``Pose.planar`` puts all of them at z = 0.
+    Poses may lie at z = 0, whatever the height of the arm: ``Pose.planar`` puts them there.
     """
-    points = task.path.positions
-    if not arm.is_planar or task.axes is not None or task.path.quaternions is not None or points.shape[1] == 2:
+    path, points = task.path, task.path.positions
+    if not arm.is_planar or task.axes is not None or points.shape[1] == 2:
         return
-    height = arm.pose(np.zeros(arm.dof), frame=task.frame).position[2]
-    off = points[:, 2] - height
+    frame = arm.pose(np.zeros(arm.dof), frame=task.frame)
+    kind, axes = ("points", "xy") if path.quaternions is None else ("poses", "xy+angle")
+    wish = f"path: {kind} in the plane z = {frame.position[2]:.6g} m of {arm.name} wanted, or axes={axes!r}, got one"
+    off = points[:, 2] - frame.position[2]
+    if path.quaternions is not None and not points[:, 2].any():
+        off = np.zeros(len(points))
     if np.abs(off).max() > START_TOLERANCE * characteristic_length(arm):
-        raise InvalidInput(
-            f"path: points in the plane z = {height:.6g} m of {arm.name} wanted, or axes='xy', got one "
-            f"{off[np.abs(off).argmax()]:.3g} m off it"
-        )
+        raise InvalidInput(f"{wish} {off[np.abs(off).argmax()]:.3g} m off it")
+    if path.quaternions is not None:
+        upright = quaternion_to_matrix(path.quaternions)[:, 2, 2]
+        tilt = np.abs(np.arccos(np.clip(upright, -1.0, 1.0)) - np.arccos(np.clip(frame.rotation[2, 2], -1.0, 1.0)))
+        if tilt.max() > TILT_TOLERANCE:
+            raise InvalidInput(f"{wish} tilted out of it by {tilt.max():.3g} rad")
 
 
 def _check_tasks(arm: Arm, tasks: tuple[Task, ...], redundant: bool) -> None:

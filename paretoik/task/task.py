@@ -42,8 +42,8 @@ class Task:
 
     axes: "xy" and "xyz" ask for position, "xy+angle" for position and angle in the x-y plane, "xyz+z-axis" for position
     and direction of the frame's z axis, "pose" for all six. None takes the axes of the path: its points, or its poses
-    (in the plane for a planar arm). Position errors are in m in world axes; orientation errors are the rotation vector
-    [rad] of RᵀR_d.
+    (in the plane for a planar arm; an arm in space wants 3-D points then). Position errors are in m in world axes;
+    orientation errors are the rotation vector [rad] of RᵀR_d.
 
     Raises InvalidInput for unknown axes, or axes that the path says nothing about.
     """
@@ -65,19 +65,24 @@ class Task:
             hint = "pk.line(pk.Pose.from_rpy(xyz, rpy), ...) is one of poses"
             raise InvalidInput(f"axes {shown(self.axes)} wants a path of poses, got a path of points; {hint}")
         if self.axes == "xyz" and self.path.positions.shape[-1] == 2:
-            raise InvalidInput("axes 'xyz' wants a path of 3-D points, got a path of 2-D points")
+            raise InvalidInput("axes 'xyz' wants a path of 3-D points, got one of 2-D points; axes='xy' leaves z free")
 
     def resolve_axes(self, arm: Arm) -> Task:
         """Return the task with the axes that an arm and the path imply where none are given.
 
-        Raises InvalidInput for axes that a planar arm does not have, or a frame that is not on the arm.
+        Raises InvalidInput for axes that a planar arm does not have, 2-D points for an arm that moves in space, or a
+        frame that is not on the arm.
         """
         arm.frame(self.frame)
-        points, oriented = self.path.positions, self.path.quaternions is not None
+        oriented = self.path.quaternions is not None
+        if self.axes is None and not arm.is_planar and self.path.positions.shape[-1] == 2:
+            raise InvalidInput(
+                f"path: 3-D points wanted, as {arm.name} moves in space, got 2-D ones; pk.Task(path, axes='xy') leaves "
+                "z free"
+            )
         if self.axes is None:
             planar: Axes = "xy+angle" if oriented else "xy"
-            spatial: Axes = "pose" if oriented else "xy" if points.shape[-1] == 2 else "xyz"
-            return replace(self, axes=planar if arm.is_planar else spatial)
+            return replace(self, axes=planar if arm.is_planar else "pose" if oriented else "xyz")
         if arm.is_planar and self.axes not in ("xy", "xy+angle"):
             raise InvalidInput(f"{arm.name} moves in a plane: axes must be 'xy' or 'xy+angle', got {shown(self.axes)}")
         return self

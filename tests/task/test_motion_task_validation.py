@@ -123,6 +123,25 @@ def test_the_plane_of_a_planar_arm_is_where_its_base_is():
         task(arm=raised, path=line([0.4678, 0.0, 0.0], [0.0983, 0.1526, 0.0], duration=1.0, samples=21))
 
 
+def test_a_planar_arm_refuses_poses_off_its_plane_or_tilted():
+    def along(*poses, **axes):
+        return task(
+            arm=marcos_nr(4), objectives=[joint_travel], path=Task(line(*poses, duration=1.0, samples=11), **axes)
+        )
+
+    start, end = Pose.planar(0.4, 0.0, 0.0), Pose.planar(0.3, 0.2, 1.0)
+    assert along(start, end).tasks[0].axes == "xy+angle"
+    high, down = Pose([0.3, 0.2, 0.5], end.quaternion), Pose.from_rpy([0.3, 0.2, 0.0], [np.pi, 0.0, 0.0])
+    with pytest.raises(
+        InvalidInput, match=r"path: poses in the plane z = 0 m of Marcos 4R wanted, .* got one 0\.5 m off"
+    ):
+        along(start, high)
+    with pytest.raises(InvalidInput, match=r"axes='xy\+angle', got one tilted out of it by 3\.14 rad"):
+        along(start, down)
+    for other in (high, down):
+        assert along(start, other, axes="xy").tasks[0].rows == 2
+
+
 def test_an_upside_down_start_is_not_taken_for_an_upright_one():
     arm = marcos_nr(4)
     q = np.array([0.3, 0.4, 0.5, 0.6])

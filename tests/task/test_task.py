@@ -72,7 +72,6 @@ def targets_at(task, path):
     [
         (PLANAR, POINTS_2D, "xy"),
         (PLANAR, FLAT_POSES, "xy+angle"),
-        (SPATIAL, POINTS_2D, "xy"),
         (SPATIAL, POINTS_3D, "xyz"),
         (SPATIAL, POSES, "pose"),
     ],
@@ -232,7 +231,7 @@ def test_a_batch_of_many_blocks_gives_what_its_postures_give():
         (POINTS_3D, "pose", "axes 'pose' wants a path of poses, got a path of points"),
         (POINTS_2D, "xy+angle", r"axes 'xy\+angle' wants a path of poses"),
         (POINTS_3D, "xyz+z-axis", r"axes 'xyz\+z-axis' wants a path of poses"),
-        (POINTS_2D, "xyz", "axes 'xyz' wants a path of 3-D points, got a path of 2-D points"),
+        (POINTS_2D, "xyz", "axes 'xyz' wants a path of 3-D points, got one of 2-D points; axes='xy' leaves z free"),
     ],
 )
 def test_axes_that_the_path_says_nothing_about_are_refused(path, axes, words, unchecked):
@@ -244,6 +243,12 @@ def test_axes_that_the_path_says_nothing_about_are_refused(path, axes, words, un
 def test_a_planar_arm_is_not_asked_to_leave_its_plane(axes):
     with pytest.raises(InvalidInput, match=r"Marcos 4R moves in a plane: axes must be 'xy' or 'xy\+angle', got"):
         Task(POSES, axes=axes).resolve_axes(PLANAR)
+
+
+def test_an_arm_in_space_takes_2d_points_only_where_axes_leave_z_free():
+    with pytest.raises(InvalidInput, match=r"path: 3-D points wanted, as .* moves in space, got 2-D ones; .* z free$"):
+        Task(POINTS_2D).resolve_axes(SPATIAL)
+    assert Task(POINTS_2D, axes="xy").resolve_axes(SPATIAL).rows == 2
 
 
 def test_a_frame_that_is_not_on_the_arm_is_refused_with_those_that_are():
