@@ -74,7 +74,7 @@ def test_without_its_problem_a_run_is_checked_by_itself_and_says_what_is_missing
 
 
 def test_a_folder_without_a_run_is_refused(tmp_path):
-    with pytest.raises(pk.InvalidInput, match="nothing"):
+    with pytest.raises(pk.InvalidInput, match="no such file"):
         pk.verify(tmp_path)
 
 
