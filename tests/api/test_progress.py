@@ -6,6 +6,7 @@ import pytest
 
 import paretoik as pk
 from paretoik.api.progress import RunProgress, count_observer, show_compilation
+from paretoik.api.progress_display import progress_text
 from paretoik.compilation_notices import CompilationNotice, announce
 from tests.api.problems import tracking
 
@@ -89,6 +90,7 @@ def test_a_verb_shows_what_it_compiles_and_all_its_stages(verb, monkeypatch, cap
     getattr(pk, verb)(subject, **settings, observe=lambda progress: bool(seen.append(progress)))
     assert {one.stage for one in seen} == {"compilation", *stages}
     assert capsys.readouterr().err == ""
+    assert not any("left" in progress_text(one) for one in seen if 0 < one.total <= one.done)
     for stage in stages:
         last = [one for one in seen if one.stage == stage][-1]
         assert 0 < last.done <= last.total
