@@ -32,7 +32,7 @@ from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher
 from numba.core.sigutils import normalize_signature
 
-from paretoik.compilation_notices import SILENT, CompilationNotice, announce
+from paretoik.compilation_notices import SILENT, CompilationNotice, announce, begin_compilation, end_compilation
 from paretoik.compilation_units import compilation_unit
 
 # numba takes settings from a file in the current folder, the folder of its cache among them, from which code is loaded:
@@ -142,6 +142,7 @@ def _compiling() -> Iterator[None]:
         try:
             yield
         finally:
+            end_compilation()
             if collects:
                 gc.enable()
 
@@ -154,7 +155,8 @@ class _Announcer:
         self.start = 0.0
 
     def miss(self, notice: CompilationNotice | None) -> None:
-        """Note that the cache has not got a function; an inner one has no ``notice``."""
+        """Note that the cache has not got a function, which is compiled now; an inner one has no ``notice``."""
+        begin_compilation()
         if notice is not None:
             self.notice, self.start = notice, time.perf_counter()
         elapsed = time.perf_counter() - self.start

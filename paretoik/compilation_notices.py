@@ -1,8 +1,12 @@
-"""Notices of what is about to be compiled and about how long that takes; numba is not needed to observe them."""
+"""Notices of what is about to be compiled and about how long that takes; numba is not needed to observe them.
+
+The clock that time limits go by stands still meanwhile: code is compiled once, and a limit is meant for any run.
+"""
 
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -48,3 +52,33 @@ def announce(notice: CompilationNotice) -> None:
 
 
 _OBSERVERS: list[Observer] = [print_line]
+
+
+@dataclass(eq=False)
+class _CompilationTime:
+    """How many ``seconds`` were spent on compilations that have ended, and ``since`` when one is under way."""
+
+    seconds: float = 0.0
+    since: float | None = None
+
+
+_TIME = _CompilationTime()
+
+
+def begin_compilation() -> None:
+    """Stop the clock, unless a compilation is under way."""
+    if _TIME.since is None:
+        _TIME.since = time.monotonic()
+
+
+def end_compilation() -> None:
+    """Let the clock go on, if a compilation is under way."""
+    since, _TIME.since = _TIME.since, None
+    if since is not None:
+        _TIME.seconds += time.monotonic() - since
+
+
+def computing_clock() -> float:
+    """Return a monotonic time [s] in which compilations of this process take none."""
+    now, since = time.monotonic(), _TIME.since
+    return (now if since is None else since) - _TIME.seconds

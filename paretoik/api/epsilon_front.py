@@ -70,7 +70,8 @@ def epsilon_front(
         Folder to keep the run in: run.json, front.parquet, motions.npz, review.rrd with the levels of ε on the timeline
         ``level``, and pictures (not after a signal). ``overwrite`` allows it to replace a run that is there.
     time_limit
-        Seconds after which the sweep ends and keeps what it has; up to a fifth of them is left for certificates.
+        Seconds of computing, as for ``solve``, after which the sweep ends and keeps what it has; up to a
+        fifth of them is left for certificates.
     workers, cluster
         As for ``solve``: starts are solved there, levels of ε that can be foretold, and points certified.
     reference

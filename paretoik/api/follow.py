@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import replace
 from io import BytesIO
@@ -15,6 +14,7 @@ from paretoik.api.run_session import RunSession
 from paretoik.api.settings import SolveSettings
 from paretoik.closed_loop.loop import StepRecord, choose, nondominated_rows
 from paretoik.closed_loop.step_evolution import Generations
+from paretoik.compilation_notices import computing_clock
 from paretoik.errors import InvalidInput
 from paretoik.file_replacement import replace_file
 from paretoik.formulations.closed_loop import ClosedLoop
@@ -69,19 +69,19 @@ class LoopRun:
         loop.prepare()
         units, maximised = zip(*((each.unit, each.maximise) for each in loop.objectives), strict=True)
         session.start(names=loop.names, units=units, maximised=maximised, timeline="step", workcell=workcell_of(loop))
-        started = time.monotonic()
+        started = computing_clock()
 
         def show(step: StepRecord) -> None:
             F = step.front.F * loop.signs
             generation = Generation(
                 number=step.sample, population=F[:0], front=F, front_ids=np.arange(len(F)), chosen=F[step.index]
             )
-            seconds = time.monotonic() - started
+            seconds = computing_clock() - started
             progress = RunProgress(stage="step", done=step.sample, total=steps, seconds=seconds)
             session.show(replace(progress, summary=f"front {len(F)}", generation=generation))
 
         def is_over() -> bool:
-            late = self.time_limit is not None and time.monotonic() - started >= self.time_limit
+            late = self.time_limit is not None and computing_clock() - started >= self.time_limit
             return late or session.signal is not None
 
         self._run = loop.run(record_steps=self.record_steps, observe=show, should_stop=is_over)

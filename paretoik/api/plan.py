@@ -62,7 +62,7 @@ def plan(
         every start, what it led to and the optima, and picture.png (not after a signal). ``overwrite`` allows it to
         replace a run that is there.
     time_limit
-        Seconds after which the search ends and keeps what it has.
+        Seconds of computing, as for ``solve``, after which the search ends and keeps what it has.
     workers, cluster
         As for ``solve``: starts are solved there.
     reference

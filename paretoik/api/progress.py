@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TypeAlias
 
 from paretoik.api.time_left import time_left
-from paretoik.compilation_notices import observe_compilation
+from paretoik.compilation_notices import computing_clock, observe_compilation
 from paretoik.inputs import check_function
 from paretoik.review.recording.recorder import Generation
 
@@ -23,10 +22,10 @@ class RunProgress:
     of a search with ``refine`` once its points are refined), "refinement", "tightening" (of limits between samples),
     "certification" of a front's points and their "verification". ``done`` of at most ``total`` are done; a stage
     without counts ("beginning", "compilation", "saving", "recording") has a total of 0. ``seconds`` have passed since
-    the stage began, about ``remaining`` will until the verb ends; None where that cannot be told. ``summary`` says in
-    words what there is so far; ``generation`` has the points of a generation or step, None in other stages. What comes
-    after the stage is named by ``then`` where ``remaining`` does not count it, and by ``following`` where it does; both
-    are "" before the end.
+    the stage began, those of compilation not counted, about ``remaining`` will until the verb ends; None where that
+    cannot be told. ``summary`` says in words what there is so far; ``generation`` has the points of a generation or
+    step, None in other stages. What comes after the stage is named by ``then`` where ``remaining`` does not count it,
+    and by ``following`` where it does; both are "" before the end.
     """
 
     stage: str
@@ -61,10 +60,10 @@ def count_observer(
     """
     if observe is None:
         return None
-    started = time.monotonic()
+    started = computing_clock()
 
     def show(done: int, total: int, summary: str = "") -> object:
-        seconds = time.monotonic() - started
+        seconds = computing_clock() - started
         return observe(
             RunProgress(
                 stage=stage,

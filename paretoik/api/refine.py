@@ -97,7 +97,8 @@ def refine(
         the timeline ``refinement``, and pictures (not after a signal). ``overwrite`` allows it to replace a run that is
         there.
     time_limit
-        Seconds after which it ends and keeps what it has; up to a fifth of them is left for certificates.
+        Seconds of computing, as for ``solve``, after which it ends and keeps what it has; up to a
+        fifth of them is left for certificates.
     workers, cluster
         As for ``solve``: points are refined and certified there.
     reference

@@ -65,7 +65,7 @@ def resume(
     algorithm
         The pymoo algorithm, with the same settings, of a run of ``solve`` that was given one.
     time_limit
-        Seconds after which it stops again and keeps what it has.
+        Seconds of computing, as for ``solve``, after which it stops again and keeps what it has.
     workers, cluster
         As for ``solve``; they may be others than before.
     live, observe

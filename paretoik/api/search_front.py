@@ -17,6 +17,7 @@ from paretoik.api.refine import SearchImprover
 from paretoik.api.review_front import review_front
 from paretoik.api.run_session import RunSession
 from paretoik.api.settings import DEFAULTS, SolveSettings
+from paretoik.compilation_notices import computing_clock
 from paretoik.errors import InvalidInput
 from paretoik.execution.time_limit import check_time_limit
 from paretoik.formulations.closed_loop_arguments import read_steps
@@ -97,6 +98,7 @@ class FrontSearch:
 
     def run(self, session: RunSession) -> Front:
         """Return the front that the search leads to, refined unless a signal came."""
+        started = computing_clock()
         front = self._evolve(session)
         if not self._solve_settings.refine or front.provenance["status"] in INTERRUPTED:
             return front
@@ -107,7 +109,8 @@ class FrontSearch:
             return session.stopped_by is not None
 
         settings, status = self._solve_settings, front.provenance["status"]
-        remaining = None if settings.time_limit is None else max(settings.time_limit - session.seconds, 1e-3)
+        spent = computing_clock() - started
+        remaining = None if settings.time_limit is None else max(settings.time_limit - spent, 1e-3)
         with session.computing(remaining):
             front = complete_front(
                 front,

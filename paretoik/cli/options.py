@@ -28,7 +28,7 @@ SolverOption = Annotated[
     SolverName, typer.Option(help="Interior points (smooth functions), SQP by Clarabel (any), or what suits.")
 ]
 TimeLimit = Annotated[
-    float | None, typer.Option(help="Stop after so many seconds and keep the result.", show_default=False)
+    float | None, typer.Option(help="Stop after so many seconds of computing and keep the result.", show_default=False)
 ]
 Workers = Annotated[
     int | None, typer.Option(help="Processes on this machine that compute (none: this one).", show_default=False)

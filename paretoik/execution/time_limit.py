@@ -1,14 +1,15 @@
-"""A limit on the time that a verb computes: past it, it is asked to stop as by a signal."""
+"""A limit on the time that a verb computes: past it, it is asked to stop as by a signal. Compiling is not counted."""
 
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from math import inf
 from signal import SIGALRM
 
+from paretoik.compilation_notices import computing_clock
 from paretoik.errors import InvalidInput
 from paretoik.inputs import positive_number
 from paretoik.stop_flag import STOP
@@ -20,7 +21,12 @@ class TimeLimit:
 
     seconds: float | None
     reached: bool = False
-    started: float = field(default_factory=time.monotonic)
+    started: float = field(default_factory=computing_clock)
+
+    @property
+    def remaining(self) -> float:
+        """Seconds left; infinite without a limit."""
+        return inf if self.seconds is None else self.seconds - (computing_clock() - self.started)
 
 
 _ACTIVE: list[TimeLimit] = []  # those under way, one within another
@@ -47,20 +53,24 @@ def time_limit(seconds: float | None) -> Iterator[TimeLimit]:
         yield limit
         return
 
-    def ring() -> None:
+    ended = threading.Event()
+
+    def watch() -> None:
+        while (remaining := limit.remaining) > 0:
+            if ended.wait(min(remaining, threading.TIMEOUT_MAX)):
+                return
         limit.reached = True
         STOP[0] = STOP[0] or SIGALRM
 
-    timer = threading.Timer(min(float(seconds), threading.TIMEOUT_MAX), ring)
-    timer.daemon = True
-    timer.start()
+    watcher = threading.Thread(target=watch, daemon=True)
+    watcher.start()
     _ACTIVE.append(limit)
     try:
         yield limit
     finally:
         _ACTIVE.pop()
-        timer.cancel()
-        timer.join()
+        ended.set()
+        watcher.join()
         if STOP[0] == SIGALRM:
             STOP[0] = 0
         if any(outer.reached for outer in _ACTIVE):  # meanwhile
@@ -79,7 +89,7 @@ def reserve_time(share: float, longest: float) -> Iterator[None]:
         return
     outer = _ACTIVE[-1]
     assert outer.seconds is not None
-    remaining = outer.seconds - (time.monotonic() - outer.started) - min(share * outer.seconds, longest)
+    remaining = outer.remaining - min(share * outer.seconds, longest)
     inner = TimeLimit(seconds=None)
     try:
         with time_limit(max(remaining, 1e-3)) as inner:

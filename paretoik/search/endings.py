@@ -20,7 +20,7 @@ from paretoik.search.constraints import Floats
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Progress:
-    """A search after ``generation`` generations, ``evaluations`` and ``seconds``; all objectives minimised.
+    """A search after ``generation`` generations, ``evaluations`` and ``seconds`` computed; all objectives minimised.
 
     ``population`` (individuals, n_obj) is what evolves and may hold failed rows; ``front`` (points, n_obj) and ``ids``
     (points,) are the archive's; ``past`` are the fronts of earlier generations, newest last, as far back as
@@ -101,7 +101,7 @@ class Evaluations:
 
 @dataclass(frozen=True)
 class TimeLimit:
-    """Ends at the first generation after ``seconds``."""
+    """Ends at the first generation after ``seconds`` of computing; compiling code is not counted."""
 
     seconds: float
     memory: ClassVar[int] = 0

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
 
 from paretoik.arrays import Genes
+from paretoik.compilation_notices import computing_clock
 from paretoik.errors import EvaluationFailed, InvalidInput
 from paretoik.search.ask_tell import Search
 from paretoik.search.constraints import Floats
@@ -45,11 +45,11 @@ def evolve(
     evaluation = Evaluation(problem=search.problem, evaluate=evaluate, seconds=seconds)
     memory = max(ending.memory for ending in endings)
     past: tuple[Floats, ...] = ()
-    started = time.monotonic()
+    started = computing_clock()
     try:
         while True:
             _one_generation(search, evaluation)
-            progress = _progress(search, past, time.monotonic() - started)
+            progress = _progress(search, past, computing_clock() - started)
             if observe is not None:
                 observe(progress)
             for ending in endings:

@@ -7,6 +7,7 @@ import time
 
 import pytest
 
+from paretoik.compilation_notices import begin_compilation, end_compilation
 from paretoik.errors import InvalidInput
 from paretoik.execution.interrupts import interruptible
 from paretoik.execution.time_limit import reserve_time, time_limit
@@ -101,3 +102,16 @@ def test_another_thread_is_refused():
     thread.start()
     thread.join()
     assert "time_limit: wants the main thread" in str(errors[0])
+
+
+def test_compiling_code_is_not_counted():
+    with time_limit(0.2) as limit:
+        begin_compilation()
+        time.sleep(0.4)
+        begin_compilation()  # a function within that function: one compilation
+        end_compilation()
+        check_interruption()
+        assert not limit.reached
+        with pytest.raises(Interrupted):
+            wait_for_interruption()
+    assert limit.reached
