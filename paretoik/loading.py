@@ -49,6 +49,21 @@ def load_problem(reference: str) -> Any:
     return problem
 
 
+def load_value(reference: str) -> Any:
+    """Return the value that ``file.py:name`` or ``package.module:name`` stands for; nothing is called.
+
+    Raises InvalidInput where the file, the module or the name is missing, or loading fails.
+    """
+    place, _, name = reference.rpartition(":")
+    module = _import_module(place)
+    if not hasattr(module, name):
+        names = [each for each in vars(module) if not each.startswith("_")]
+        raise InvalidInput(
+            f"{_quoted(reference)}: wanted a name of {place}, got {shown(name)}{likely_spelling(name, names)}"
+        )
+    return getattr(module, name)
+
+
 def problems_in(place: str) -> dict[str, str]:
     """Return the problems that a module or file offers, with the first line of each one's documentation.
 

@@ -19,7 +19,7 @@ from paretoik.pareto.certificates import certify
 
 @dataclass(frozen=True, kw_only=True)
 class CertificateTime:
-    """Certificates have a ``share`` of a time limit, at most ``longest`` [s] a point."""
+    """Certificates have a ``share`` of a time limit, at most ``longest`` [s] a point; so has tightening limits."""
 
     share: float = 0.2
     longest: float = 2.0
@@ -28,9 +28,17 @@ class CertificateTime:
 OPTIONS = CertificateTime()
 
 
-def reserve_for_certificates(points: int) -> AbstractContextManager[None]:
-    """Return a context that ends before the time limit under way, so that points found in it are certified, too."""
-    return reserve_time(OPTIONS.share, points * OPTIONS.longest)
+def reserve_for_certificates(points: int, stages: int = 1) -> AbstractContextManager[None]:
+    """Return a context that ends before the time limit under way, so that points found in it are certified, too.
+
+    Two ``stages`` follow where limits are tightened between samples before.
+    """
+    return reserve_time(stages * OPTIONS.share, stages * points * OPTIONS.longest)
+
+
+def stages_left(problem: Any) -> int:
+    """Return how many stages follow once the points of a front are there: certification, and tightening if any."""
+    return 2 if tightening_share(problem) else 1
 
 
 def stages_after(problem: Any) -> str:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
+from paretoik.api.certificate_time import reserve_for_certificates
 from paretoik.api.progress import Observer, count_observer
 from paretoik.arrays import Genes, Ids, Point, Points
 from paretoik.fingerprint.fingerprint import fingerprint
@@ -76,7 +77,8 @@ def certified_front(
         shown = count_observer(
             observe, "tightening", later=seconds_per_certificate, uniform=True, following="certification"
         )
-        held, programs = formulation.hold_between(x, ranges, solver=solver, observe=shown)
+        with reserve_for_certificates(len(x)):
+            held, programs = formulation.hold_between(x, ranges, solver=solver, observe=shown)
         individuals = formulation.individuals(held, genes)
         certificates, better = certify(
             programs,

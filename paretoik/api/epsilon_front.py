@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from paretoik.api.certificate_time import reserve_for_certificates
+from paretoik.api.certificate_time import reserve_for_certificates, stages_left
 from paretoik.api.certified_front import certified_front
 from paretoik.api.initial import initial_points, remembered_points
 from paretoik.api.least_violating import infeasible_recorded
@@ -70,8 +70,8 @@ def epsilon_front(
         Folder to keep the run in: run.json, front.parquet, motions.npz, review.rrd with the levels of ε on the timeline
         ``level``, and pictures (not after a signal). ``overwrite`` allows it to replace a run that is there.
     time_limit
-        Seconds of computing, as for ``solve``, after which the sweep ends and keeps what it has; up to a
-        fifth of them is left for certificates.
+        Seconds of computing, as for ``solve``, after which the sweep ends and keeps what it has; up to two
+        fifths of them are left for certificates, half of these for limits between samples.
     workers, cluster
         As for ``solve``: starts are solved there, levels of ε that can be foretold, and points certified.
     reference
@@ -140,7 +140,8 @@ def _sweep(problem: Any, formulation: Differentiable, initial: Points | None, se
         workcell=workcell_of(problem),
     )
     display, solver = SweepDisplay(session, formulation), settings["solver"]
-    with infeasible_recorded(session, problem, display.infeasible_end), reserve_for_certificates(settings["points"]):
+    reserve = reserve_for_certificates(settings["points"], stages_left(problem))
+    with infeasible_recorded(session, problem, display.infeasible_end), reserve:
         cold = formulation.cold_search(
             starts=settings["starts"],
             seed=settings["seed"],

@@ -15,6 +15,7 @@ from paretoik.api.certificate_time import (
     reserve_for_certificates,
     seconds_per_certificate,
     stages_after,
+    stages_left,
     tightening_share,
 )
 from paretoik.api.certified_front import certified_front, no_worse
@@ -82,6 +83,8 @@ def refine(
 ) -> Front:
     """Return the front with every point refined to a local optimum no worse in any objective, and certified.
 
+    Only what keeping limits between samples costs can make a point worse, by some 1e-4 of a range: it is sought anew.
+
     Points keep their ids; those that another one has come to dominate are left out. Refined motions of a ``Tracking``
     are no longer what genes can say: ``genes`` is None then.
 
@@ -97,8 +100,8 @@ def refine(
         the timeline ``refinement``, and pictures (not after a signal). ``overwrite`` allows it to replace a run that is
         there.
     time_limit
-        Seconds of computing, as for ``solve``, after which it ends and keeps what it has; up to a
-        fifth of them is left for certificates.
+        Seconds of computing, as for ``solve``, after which it ends and keeps what it has; up to two
+        fifths of them are left for certificates, half of these for limits between samples.
     workers, cluster
         As for ``solve``: points are refined and certified there.
     reference
@@ -180,7 +183,7 @@ def refine_front(
         later = 0.0 if session.observe is None else seconds_per_certificate(formulation, x, ranges)
         then = "" if complete is None else "optimum"
         count = partial(_count_round, session.observe, problem, later, then)
-        with reserve_for_certificates(len(x)):
+        with reserve_for_certificates(len(x), stages_left(problem)):
             x, converged, ranges = _refine_over_own_ranges(formulation, x, ranges, solver, count)
             if complete is not None:
                 individuals = no_worse(formulation, formulation.individuals(x), front, ranges)

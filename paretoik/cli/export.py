@@ -35,7 +35,8 @@ def export(
     controller: Annotated[
         str | None,
         typer.Option(
-            help="Whose limits must hold: franka, ur or kinova, or one of panda, fr3, ur3e, ur5e, ur10e, ur16e, gen3.",
+            help="Whose limits must hold: franka, ur or kinova, or one of panda, fr3, ur3e, ur5e, ur10e, ur16e, gen3, "
+            "or your own pk.controllers.Controller, FILE.py:NAME, whose file is run.",
             show_default=False,
         ),
     ] = None,
@@ -61,7 +62,9 @@ def export(
     with stdout_for_results():
         from paretoik.api.export import export as export_motion
         from paretoik.api.plan_storage import holds_plan
+        from paretoik.loading import load_value
 
+        limits = load_value(controller) if controller is not None and ":" in controller else controller
         id, motion, about, which = (_optimum if holds_plan(run) else _point)(run, point, problem)
         place = out or run / f"point-{id}{ENDINGS[format or 'csv']}"
         trajectory = export_motion(
@@ -69,7 +72,7 @@ def export(
             place,
             format=format or ("csv" if out is None else None),
             rate=rate,
-            controller=controller,
+            controller=limits,
             joint_names=None if joints is None else [name.strip() for name in joints.split(",")],
             time_scale=time_scale,
             slow_down=slow_down,

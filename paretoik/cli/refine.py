@@ -25,7 +25,8 @@ def refine(
 ) -> None:
     """Refine and certify the front of a run, as a new run.
 
-    No point becomes worse in any objective. Ctrl-C ends it early and keeps the result.
+    No point becomes worse in any objective but by what keeping limits between samples costs. Ctrl-C ends it early and
+    keeps the result.
     """
     with (
         stdout_for_results(),

@@ -73,7 +73,7 @@ def time_limit(seconds: float | None) -> Iterator[TimeLimit]:
         watcher.join()
         if STOP[0] == SIGALRM:
             STOP[0] = 0
-        if any(outer.reached for outer in _ACTIVE):  # meanwhile
+        if any(outer.remaining <= 0 for outer in _ACTIVE):  # meanwhile
             STOP[0] = STOP[0] or SIGALRM
 
 
@@ -84,7 +84,7 @@ def reserve_time(share: float, longest: float) -> Iterator[None]:
     Left is a ``share`` of the limit, at most ``longest`` [s]. The limit then counts as reached. Without one the body
     runs freely.
     """
-    if not _ACTIVE or _ACTIVE[-1].reached:
+    if not _ACTIVE or _ACTIVE[-1].remaining <= 0:
         yield
         return
     outer = _ACTIVE[-1]

@@ -19,10 +19,12 @@ from jaxtyping import Float
 from paretoik.autodiff.tape import Expression, as_entry
 from paretoik.autodiff.tracing import NotLocal, Trace, TracedArray
 from paretoik.errors import InvalidInput
+from paretoik.inputs import likely_spelling
 from paretoik.robot.components import Component
 from paretoik.robot.dynamics import energy_components, torque_components
 from paretoik.robot.kinematics import frame_components, jacobian_components, link_frames, node_components
 from paretoik.task.distances import distance_components
+from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.task import Task, path_jacobian
 from paretoik.user_functions import user_function
@@ -50,6 +52,9 @@ class TracedMotion:
             return getattr(self.task, name)
         if name.startswith("__"):  # protocols that Python probes
             raise AttributeError(name)
+        names = [each for each in {*dir(Motion), *Motion.__dataclass_fields__} if not each.startswith("_")]
+        if name not in names:
+            raise InvalidInput(f"motion.{name}: a field of motions wanted, got none{likely_spelling(name, names)}")
         raise InvalidInput(f"motion.{name} has no derivative here")
 
     def __len__(self) -> int:

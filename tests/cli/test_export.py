@@ -141,6 +141,20 @@ def test_a_hasty_motion_is_refused_and_the_advice_leads_to_one_that_a_franka_tak
     assert (np.abs(acceleration) <= [15, 7.5, 10, 12.5, 15, 20, 20]).all()
 
 
+def test_ones_own_controller_is_named_by_its_file(paretoik, finished, tmp_path):
+    (tmp_path / "own_bench.py").write_text(
+        "from paretoik.joint_trajectory.controller import Controller\n"
+        'BENCH = Controller(name="bench", joint_names=["joint1", "joint2", "joint3"], rate=250, velocity=1e-3)\n'
+    )
+    run = shutil.copytree(finished, tmp_path / "run")
+    words = "export", run, "--point", str(load_front(run).ids[0]), "--controller"
+    ended = paretoik(*words, f"{tmp_path / 'own_bench.py'}:BENCH")
+    assert ended.code == 3  # it does not keep the limits
+    assert "controller bench" in ended.err
+    ended = paretoik(*words, f"{tmp_path / 'own_bench.py'}:BENHC")
+    assert "got 'BENHC'; did you mean 'BENCH'" in ended.err
+
+
 def test_at_a_lower_rate_the_text_says_what_was_looked_at(paretoik, panda_run, tmp_path):
     run, point = panda_run
     words = "export", run, "--point", point, "--controller", "panda", "--ramp", "0.5", "--slow-down"

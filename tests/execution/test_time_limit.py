@@ -115,3 +115,14 @@ def test_compiling_code_is_not_counted():
         with pytest.raises(Interrupted):
             wait_for_interruption()
     assert limit.reached
+
+
+def test_what_is_reserved_can_be_shared_by_two_stages():
+    with time_limit(20.0):
+        with reserve_time(0.999, 60.0), pytest.raises(Interrupted):
+            wait_for_interruption()
+        with reserve_time(0.5, 60.0):
+            check_interruption()
+            time.sleep(0.05)
+            check_interruption()
+        check_interruption()

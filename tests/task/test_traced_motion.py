@@ -204,6 +204,7 @@ def test_what_looks_from_one_sample_at_another_has_no_local_value(function):
         (lambda motion: motion.clearance, "motion.clearance wants obstacles"),
         (lambda motion: motion.tracking_error, "motion.tracking_error has no derivative here"),
         (lambda motion: motion.at(0.5), "motion.at has no derivative here"),
+        (lambda motion: motion.torques, "motion.torques: a field of motions wanted, got none; did you mean 'torque'"),
         (lambda motion: [single.q for single in motion], r"motion\[...\] has no derivative here"),
         (lambda motion: len(motion), r"len\(motion\) has no derivative here"),
         (lambda motion: motion.q, r"must return one number a sample .*, got shape \(17, 4\)"),
