@@ -124,6 +124,9 @@ def solve(
     Ctrl-C and SIGTERM end the search, or the refinement, within a second or after the generation under way, and keep
     the result; why it ended stands in ``front.provenance["status"]``, what it took in its ``counts``.
 
+    An error that comes after the first generation, of an objective or of ``observe``, has the front found by then as
+    its ``partial``; with ``out`` it is in the folder, too.
+
     Raises
     ------
     InvalidInput
@@ -132,9 +135,6 @@ def solve(
         Where nothing satisfied the limits: with the least-violating motion and the limit that binds.
     EvaluationFailed
         Where every evaluation failed, with the first cause.
-
-    An error that comes after the first generation, of an objective or of ``observe``, has the front found by then as
-    its ``partial``; with ``out`` it is in the folder, too.
     """
     check_flag("overwrite", overwrite)
     settings = SolveSettings(

@@ -42,8 +42,8 @@ class Task:
 
     axes: "xy" and "xyz" ask for position, "xy+angle" for position and angle in the x-y plane, "xyz+z-axis" for position
     and direction of the frame's z axis, "pose" for all six. None takes the axes of the path: its points, or its poses
-    (in the plane for a planar arm; an arm in space wants 3-D points then). Position errors are in m in world axes;
-    orientation errors are the rotation vector [rad] of RᵀR_d.
+    (in the plane for a planar arm; 3-D points of an arm in space, unless its frame keeps its height). Position errors
+    are in m in world axes; orientation errors are the rotation vector [rad] of RᵀR_d.
 
     Raises InvalidInput for unknown axes, or axes that the path says nothing about.
     """
@@ -70,12 +70,16 @@ class Task:
     def resolve_axes(self, arm: Arm) -> Task:
         """Return the task with the axes that an arm and the path imply where none are given.
 
-        Raises InvalidInput for axes that a planar arm does not have, 2-D points for an arm that moves in space, or a
-        frame that is not on the arm.
+        2-D points are "xy" for an arm in space, too, whose frame keeps its height: a gantry, say. Raises InvalidInput
+        for axes that a planar arm does not have, 2-D points where the frame can rise, or a frame that is not on the
+        arm.
         """
         arm.frame(self.frame)
         oriented = self.path.quaternions is not None
-        if self.axes is None and not arm.is_planar and self.path.positions.shape[-1] == 2:
+        flat = self.axes is None and not arm.is_planar and self.path.positions.shape[-1] == 2
+        if flat and _keeps_height(arm, self.frame):
+            return replace(self, axes="xy")
+        if flat:
             raise InvalidInput(
                 f"path: 3-D points wanted, as {arm.name} moves in space, got 2-D ones; pk.Task(path, axes='xy') leaves "
                 "z free"
@@ -253,6 +257,13 @@ def _over_tasks(
         values += components(task, arm, links, targets[first : first + task.target_size])
         first += task.target_size
     return values
+
+
+def _keeps_height(arm: Arm, frame: str) -> bool:
+    """Return whether no joint moves a frame up or down, at some postures that have nothing in common."""
+    q = np.sin(np.arange(1.0, 4.0 * arm.dof + 1.0)).reshape(4, arm.dof)  # rad, m
+    places = arm.pose(q, frame=frame).position
+    return bool(np.ptp(places[:, 2]) <= 1e-9 * np.abs(places).max())
 
 
 @lru_cache(maxsize=64)

@@ -26,7 +26,7 @@ def test_counts_become_the_progress_of_a_stage():
 
 def test_the_time_left_counts_later_stages_once_enough_is_done(monkeypatch):
     clock = [100.0]
-    monkeypatch.setattr("paretoik.api.progress.time.monotonic", lambda: clock[0])
+    monkeypatch.setattr("paretoik.api.progress.computing_clock", lambda: clock[0])
     seen: list[RunProgress] = []
     show = count_observer(seen.append, "refinement", later=0.5, uniform=True)
     for done in (1, 10, 20):

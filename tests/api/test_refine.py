@@ -210,8 +210,10 @@ def test_points_are_critical_over_the_ranges_of_the_front_that_they_become():
         )
 
     arm = pk.arms.tringali_3r()
-    far = [pk.plan(pk.Tracking(arm, path, objectives=[offset(to)]), starts=4).best.motion for to in (-0.5, 0.925)]
     problem = pk.Tracking(arm, path, objectives=[angle, way])
+    plans = [pk.plan(pk.Tracking(arm, path, objectives=[offset(to)]), starts=4) for to in (-0.5, 0.925)]
+    # Many optima have the first joint there; which of them is best is rounding.
+    far = [min((each.motion for each in plan.optima), key=problem.task.objectives[1]) for plan in plans]
     motions = problem.task.motion(np.stack([motion.q for motion in far]))
     coarse = pk.Front(
         ids=np.arange(2),

@@ -14,6 +14,7 @@ from paretoik.robot.kinematics import forward_kinematics, link_frames
 from paretoik.robot.pose import quaternion_to_matrix, rotation_vector
 from paretoik.task.retraction import task_errors
 from paretoik.task.task import describe_errors, error_unit, row_units
+from tests.api.scaled_problems import Units, on_a_rail
 from tests.formulations.problems import panda, random_arm
 
 SLIDING = Arm.from_dh(
@@ -26,6 +27,7 @@ SLIDING = Arm.from_dh(
     name="arm with slides",
 )
 PLANAR, SPATIAL = marcos_nr(4), random_arm(4, 7)
+GANTRY = on_a_rail(Units(), objectives=["kinetic_energy"]).task.arm
 POINTS_2D = line([0.3, 0.2], [0.1, 0.4], duration=1.0, samples=5)
 POINTS_3D = line([0.3, 0.2, 0.4], [0.1, 0.4, 0.2], duration=1.0, samples=5)
 ENDS = Pose.from_rpy((0.3, 0.2, 0.4), (0.1, 0.2, 0.3)), Pose.from_rpy((0.1, 0.4, 0.2), (1, -1, 2))
@@ -249,6 +251,8 @@ def test_an_arm_in_space_takes_2d_points_only_where_axes_leave_z_free():
     with pytest.raises(InvalidInput, match=r"path: 3-D points wanted, as .* moves in space, got 2-D ones; .* z free$"):
         Task(POINTS_2D).resolve_axes(SPATIAL)
     assert Task(POINTS_2D, axes="xy").resolve_axes(SPATIAL).rows == 2
+    assert Task(POINTS_2D).resolve_axes(GANTRY).axes == "xy"
+    assert Task(POINTS_3D).resolve_axes(GANTRY).axes == "xyz"
 
 
 def test_a_frame_that_is_not_on_the_arm_is_refused_with_those_that_are():
