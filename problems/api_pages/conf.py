@@ -9,6 +9,7 @@ from typing import Any
 from sphinx.application import Sphinx
 
 import paretoik
+from paretoik.joint_trajectory.controller import Controller
 from paretoik.task.objectives import Objective
 
 
@@ -34,8 +35,10 @@ autosummary_context = {
         heading: [name for name in PUBLIC if kind(name) == heading]
         for heading in ("Functions", "Classes", "Objectives", "Namespaces")
     },
-    "objectives": {
-        f"paretoik.{name}": [key for key, item in vars(getattr(paretoik, name)).items() if isinstance(item, Objective)]
+    "values": {
+        f"paretoik.{name}": [
+            key for key, item in vars(getattr(paretoik, name)).items() if isinstance(item, Objective | Controller)
+        ]
         for name in PUBLIC
         if kind(name) == "Namespaces"
     },
@@ -53,10 +56,12 @@ UNDERLINE = re.compile(r"-{3,}$")
 def write_sections(app: Sphinx, what: str, name: str, item: Any, options: object, lines: list[str]) -> None:
     """Rewrite a docstring for numpydoc: prose and examples that follow a section have a heading of their own.
 
-    An objective is described by its function, and what only looks like markup is escaped.
+    An objective is described by its function, a controller by where its figures are from, and what only looks like
+    markup is escaped.
     """
     if what == "data":
-        lines[:] = (inspect.getdoc(getattr(item, "function", item)) or "").splitlines()
+        text = item.source if isinstance(item, Controller) else inspect.getdoc(getattr(item, "function", item))
+        lines[:] = (text or "").splitlines()
     section, is_doctest = "", False
     rewritten: list[str] = []
     for row, line in enumerate(lines):
