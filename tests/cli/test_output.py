@@ -91,7 +91,7 @@ def place(tmp_path_factory) -> Place:
         "front users.py:good --out certified --points 3 --starts 4",
     ):
         assert ended(f"{shlex.quote(sys.executable)} -m paretoik {words}", folder).returncode == 0
-    stopped = "solve users.py:good --out stopped --population 200 --generations 9000 --time-limit 0.2"
+    stopped = "solve users.py:good --out stopped --population 60 --generations 200 --time-limit 0.05"
     assert ended(f"{shlex.quote(sys.executable)} -m paretoik {stopped}", folder).returncode == 5
     point = ended(f"{shlex.quote(sys.executable)} -m paretoik select certified --compromise", folder).stdout.split()[1]
     return Place(folder=folder, point=point)
