@@ -69,7 +69,7 @@ def _blueprint(file: Path) -> dict[str, dict[str, Any]]:
 def touching_words(file: Path) -> list[tuple[str, str, str]]:
     """Return axes, and words there whose boxes touch the frame, or that touch others, as the viewer draws them."""
     entities, scales = read(file), view_scales(file)
-    found = list[tuple[str, str, str]]()
+    touching = list[tuple[str, str, str]]()
     for grid in sorted(path for path in entities if path.endswith("/grid")):
         axes = grid.removesuffix("/grid")
         scale = next(
@@ -83,8 +83,10 @@ def touching_words(file: Path) -> list[tuple[str, str, str]]:
         halves = 0.5 * np.array([(text_width(word), LETTERS * TEXT.line) for word in words])
         around = halves + np.array([0.5 * TEXT.padding, 0.0])
         reach = np.minimum(frame.max(axis=0), middles + around) - np.maximum(frame.min(axis=0), middles - around)
-        found += [(axes, "frame", word) for word, inside in zip(words, reach.min(axis=1) > 0.0, strict=True) if inside]
+        touching += [
+            (axes, "frame", word) for word, inside in zip(words, reach.min(axis=1) > 0.0, strict=True) if inside
+        ]
         for i, k in combinations(range(len(words)), 2):
             if (np.abs(middles[i] - middles[k]) < halves[i] + halves[k]).all():
-                found.append((axes, words[i], words[k]))
-    return found
+                touching.append((axes, words[i], words[k]))
+    return touching

@@ -192,13 +192,13 @@ class Chart:
         return words if len(words) <= room else words[: max(room - 1, 1)] + "…"
 
 
-def fit_below_tabs(charts: Sequence[Chart], beside: Sequence[str] = ()) -> list[Chart]:
+def fit_below_tabs(charts: Sequence[Chart], names_before: Sequence[str] = ()) -> list[Chart]:
     """Return charts that are tabs below a view, those that become tabs of a tab lower by its row of names.
 
-    Further tabs before them have the names ``beside``.
+    Further tabs before them have ``names_before``.
     """
-    names = [*beside, *(screen_text(chart.title) for chart in charts)]
-    nested = nested_tabs(names, VIEWS.panels[0])[len(beside) :]
+    names = [*names_before, *(screen_text(chart.title) for chart in charts)]
+    nested = nested_tabs(names, VIEWS.panels[0])[len(names_before) :]
     lower = (VIEWS.chart[0], VIEWS.chart[1] - VIEWS.title)
     return [replace(chart, total=lower) if inner else chart for chart, inner in zip(charts, nested, strict=True)]
 

@@ -99,5 +99,5 @@ class FrontViews:
 
     @cached_property
     def _charts(self) -> list[DrawnChart]:
-        beside = [] if self.parallel is None else [str(self.parallel.view().name)]
-        return fit_drawn_charts(search_charts(self.search.scene, self.search.generations), beside)
+        names_before = [] if self.parallel is None else [str(self.parallel.view().name)]
+        return fit_drawn_charts(search_charts(self.search.scene, self.search.generations), names_before)

@@ -88,11 +88,11 @@ def recorded_tab(scene: SearchScene, motions: MotionScene | None, recorded: Reco
 
 def _chart_views(roots: Sequence[str], entities: Collection[str]) -> list[rrb.View]:
     """Return a view a chart below entities, or of an entity itself where it has axes, as tabs of one column."""
-    found = [entity for root in roots for entity in _charts_below(root, entities)]
-    names = [" ".join(entity[-1].split("_")) for entity in found]
+    paths = [entity for root in roots for entity in _charts_below(root, entities)]
+    names = [" ".join(entity[-1].split("_")) for entity in paths]
     nested = nested_tabs(names, VIEWS.panels[0])
     return [
-        _chart_view("/".join(entity), name, inner) for entity, name, inner in zip(found, names, nested, strict=True)
+        _chart_view("/".join(entity), name, inner) for entity, name, inner in zip(paths, names, nested, strict=True)
     ]
 
 

@@ -61,9 +61,9 @@ def search_charts(scene: SearchScene, generations: Sequence[Generation]) -> list
     return [*bests, volume, sizes] if len(scene.names) == 1 else [volume, *bests, sizes]
 
 
-def fit_drawn_charts(drawn: Sequence[DrawnChart], beside: Sequence[str] = ()) -> list[DrawnChart]:
+def fit_drawn_charts(drawn: Sequence[DrawnChart], names_before: Sequence[str] = ()) -> list[DrawnChart]:
     """Return charts as ``fit_below_tabs`` does, with what is drawn in them."""
-    charts = fit_below_tabs([chart for chart, _, _ in drawn], beside)
+    charts = fit_below_tabs([chart for chart, _, _ in drawn], names_before)
     return [(chart, instants, curves) for chart, (_, instants, curves) in zip(charts, drawn, strict=True)]
 
 
