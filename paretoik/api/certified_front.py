@@ -16,8 +16,9 @@ from paretoik.fingerprint.fingerprint import fingerprint
 from paretoik.formulations.protocol import Differentiable, Individuals
 from paretoik.front.certificates import Certificates
 from paretoik.front.front import Front
-from paretoik.front.indicators import ranges_of
+from paretoik.front.indicators import ranges_of, widths_of
 from paretoik.nlp.program import Solver
+from paretoik.pareto.certificates import OPTIONS as CERTIFICATES
 from paretoik.pareto.certificates import certify
 from paretoik.pareto.gap_filling import front_rows
 from paretoik.pareto.refine import OPTIONS as REFINEMENT
@@ -66,7 +67,8 @@ def certified_front(
 
     Points that are worse than on the front ``before`` are replaced by what they were there. Limits that they exceed
     between samples are tightened where the problem can, and each is certified for the limits that it is optimal for. A
-    saddle gives way to what the better point beside it is refined to.
+    saddle gives way to what the better point beside it is refined to. Minima of the front ``before`` stay, with their
+    certificates, where that leads to no better point.
     """
     individuals = formulation.individuals(x)
     if before is not None:
@@ -93,6 +95,8 @@ def certified_front(
     rows = front_rows(individuals.objectives / ranges)
     points = certified(individuals.x[rows], None if individuals.genes is None else individuals.genes[rows])
     points = _leave_saddles(formulation, points, certified, ranges, solver)
+    if before is not None:
+        points = _keep_minima(formulation, points, before, rows, ranges)
     individuals, ids = points.individuals, ids[rows]
     rows = front_rows(individuals.objectives / ranges)
     final = ranges_of(individuals.objectives[rows]) if len(rows) else ranges  # of what the front has become
@@ -132,6 +136,32 @@ def _leave_saddles(
         accepted = np.flatnonzero(holds & (rise <= OPTIONS.tolerance * ranges).all(axis=1))
         points = _replace_points(formulation, points, saddles[accepted], refined, accepted)
     return points
+
+
+def _keep_minima(
+    formulation: Differentiable,
+    points: _CertifiedPoints,
+    before: Front,
+    rows: Int[np.ndarray, " points"],
+    ranges: Float[np.ndarray, " n_obj"],
+) -> _CertifiedPoints:
+    """Return points, those that are no better than the minima they were on the front ``before`` replaced by these.
+
+    Better is what is better in some objective and worse in none: limits that are tightened again, for another motion,
+    may make a point worse. ``rows`` are those that the points had there.
+    """
+    if before.certificates is None:
+        return points
+    former = before.certificates.rescale(widths_of(before), ranges)[rows]
+    minima = (former.status == "minimum") & (former.kkt_residual <= CERTIFICATES.critical)
+    minima &= former.violation_between <= OPTIONS.between
+    rise = (points.individuals.objectives - before.minimised[rows]) / ranges
+    better = (rise < -OPTIONS.tolerance).any(axis=1) & (rise <= OPTIONS.tolerance).all(axis=1)
+    kept = np.flatnonzero(minima & ~better)
+    genes = None if before.genes is None else before.genes[rows]
+    individuals = formulation.individuals(formulation.front_points(before)[rows], genes)
+    as_before = _CertifiedPoints(individuals=individuals, certificates=former, better=[None] * len(rows))
+    return _replace_points(formulation, points, kept, as_before, kept)
 
 
 def _replace_points(

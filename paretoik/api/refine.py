@@ -83,7 +83,7 @@ def refine(
 ) -> Front:
     """Return the front with every point refined to a local optimum no worse in any objective, and certified.
 
-    Only what keeping limits between samples costs can make a point worse, by some 1e-4 of a range: it is sought anew.
+    Only keeping limits between samples can make a point worse, by some 1e-4 of a range, and none that is certified.
 
     Points keep their ids; those that another one has come to dominate are left out. Refined motions of a ``Tracking``
     are no longer what genes can say: ``genes`` is None then.

@@ -19,4 +19,5 @@ def describe_limits_between(front: Front, rows: Sequence[int] | None = None) -> 
     motions, task = front.motions, task_of(front.problem)
     if task is None or not isinstance(motions, Motion) or is_loop(front):
         return ""
-    return task.describe_between(motions if rows is None else motions[np.asarray(rows, dtype=int)])
+    message = task.describe_between(motions if rows is None else motions[np.asarray(rows, dtype=int)])
+    return f"{message}, or refine" if message and front.certificates is None else message

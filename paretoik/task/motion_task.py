@@ -211,7 +211,7 @@ class MotionTask:
         if not len(worst) or worst.max() <= tolerance:
             return ""
         remedy = "more samples help" if self.differences == "spline" else 'differences="spline" or a margin= help'
-        return f"between samples: {self.describe_violation(dense[int(worst.argmax())])}; {remedy}, or refine"
+        return f"between samples: {self.describe_violation(dense[int(worst.argmax())])}; {remedy}"
 
     def describe_violation(self, motion: Motion, numbers: Int[np.ndarray, " time"] | None = None) -> str:
         """Return in words which limit a single motion violates most, where and by how much; "" where all hold.

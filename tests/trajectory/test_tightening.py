@@ -29,11 +29,25 @@ def test_a_plan_keeps_its_limits_between_samples_and_its_spline_to_rounding():
         assert np.abs(values).max() <= limit * (1 + 1e-7)
 
 
-def test_every_point_of_a_front_is_certified_for_limits_that_hold_between_samples():
-    front = pk.epsilon_front(problem(pk.kinetic_energy, pk.torque_norm), points=5, starts=12)
+@pytest.fixture(scope="module")
+def front():
+    return pk.epsilon_front(problem(pk.kinetic_energy, pk.torque_norm), points=5, starts=12)
+
+
+def test_every_point_of_a_front_is_certified_for_limits_that_hold_between_samples(front):
     assert (front.certificates.status == "minimum").all()
     assert front.certificates.violation_between.max() <= 1e-4
     np.testing.assert_array_equal(front.violation_between, front.certificates.violation_between)
+
+
+def test_refining_again_leaves_minima_as_they_are_or_betters_them(front):
+    again = pk.refine(front, solver="interior-point")
+    widths = np.ptp(front.ranges, axis=1)
+    np.testing.assert_array_equal(again.ids, front.ids)
+    assert (again.minimised <= front.minimised + 1e-9 * widths).all()
+    assert (again.certificates.status == "minimum").all()
+    assert again.certificates.kkt_residual.max() <= 1e-6
+    assert again.certificates.violation_between.max() <= 1e-4
 
 
 @pytest.mark.slow

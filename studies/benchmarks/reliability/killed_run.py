@@ -27,6 +27,7 @@ from typing import Any, get_args
 
 import numpy as np
 
+from paretoik.api.initial import INITIAL
 from paretoik.journal import Journal
 from studies.benchmarks.reliability.phases import FilePhase, Phase
 
@@ -52,6 +53,7 @@ class Killer:
         self._folder, self._phase, self._amount = str(folder), phase, amount
         self._amounts = Counter[str]()
         self._entries: dict[str, str] = {}  # of the journal: digests of values by key
+        self._results = 0  # entries beside what the run starts from
         self._claimed = self._unsaved = 0.0  # since when there is a folder; seconds of work since the last entry
         self._main = threading.main_thread().ident
         self._synchronise, self._write = os.fsync, os.pwrite
@@ -120,6 +122,7 @@ class Killer:
         if values is None:
             return
         self._unsaved = 0.0
+        self._results += key != INITIAL
         if "rows" not in values:  # parts of a generation, which are as long as a moment allows
             digest = sha256()
             for name in sorted(values):
@@ -131,7 +134,7 @@ class Killer:
         print(json.dumps(done | {"seconds": time.monotonic() - self._claimed}), file=sys.stderr)
 
     def _kill(self) -> None:
-        done = {"killed": time.time(), "unsaved": self._unsaved, "entries": len(self._entries)}
+        done = {"killed": time.time(), "unsaved": self._unsaved, "results": self._results}
         os.write(2, f"\n{json.dumps(done)}\n".encode())
         os.kill(os.getpid(), signal.SIGKILL)
 

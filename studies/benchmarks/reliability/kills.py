@@ -104,8 +104,8 @@ def kill(run: WholeRun, phase: Phase, amount: float, folder: Path, *, again: flo
     common = partial(Kill, name=run.name, phase=phase, amount=amount)
     if process.returncode == -signal.SIGKILL:
         done = _last_words(process)
-        # Until the journal has an entry workers are only starting.
-        unsaved = done["unsaved"] if done["entries"] or not run.workers else np.nan
+        # Until the journal has a result workers are only starting.
+        unsaved = done["unsaved"] if done["results"] or not run.workers else np.nan
         common = partial(common, unsaved=unsaved, orphaned=time.time() - done["killed"])
     for limit in (again, None):
         if not can_resume(folder):
