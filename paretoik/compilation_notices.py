@@ -54,31 +54,25 @@ def announce(notice: CompilationNotice) -> None:
 _OBSERVERS: list[Observer] = [print_line]
 
 
-@dataclass(eq=False)
-class _CompilationTime:
-    """How many ``seconds`` were spent on compilations that have ended, and ``since`` when one is under way."""
-
-    seconds: float = 0.0
-    since: float | None = None
-
-
-_TIME = _CompilationTime()
+_TIME: list[tuple[float, float | None]] = [(0.0, None)]
+"""Seconds of compilations that have ended, and when the present one began: both at once, as other threads read them."""
 
 
 def begin_compilation() -> None:
     """Stop the clock, unless a compilation is under way."""
-    if _TIME.since is None:
-        _TIME.since = time.monotonic()
+    seconds, since = _TIME[0]
+    if since is None:
+        _TIME[0] = seconds, time.monotonic()
 
 
 def end_compilation() -> None:
     """Let the clock go on, if a compilation is under way."""
-    since, _TIME.since = _TIME.since, None
+    seconds, since = _TIME[0]
     if since is not None:
-        _TIME.seconds += time.monotonic() - since
+        _TIME[0] = seconds + time.monotonic() - since, None
 
 
 def computing_clock() -> float:
     """Return a monotonic time [s] in which compilations of this process take none."""
-    now, since = time.monotonic(), _TIME.since
-    return (now if since is None else since) - _TIME.seconds
+    seconds, since = _TIME[0]
+    return (time.monotonic() if since is None else since) - seconds

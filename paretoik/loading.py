@@ -13,7 +13,7 @@ from typing import Any, TypeGuard
 
 from paretoik.errors import InvalidInput, ParetoikError
 from paretoik.formulations.protocol import timeline
-from paretoik.inputs import likely_spelling, listed, shown
+from paretoik.inputs import is_integer, likely_spelling, listed, shown
 from paretoik.missing_files import missing_file
 from paretoik.shell_command import shell_command
 
@@ -49,17 +49,17 @@ def load_problem(reference: str) -> Any:
     return problem
 
 
-def load_value(reference: str) -> Any:
+def load_value(what: str, reference: str) -> Any:
     """Return the value that ``file.py:name`` or ``package.module:name`` stands for; nothing is called.
 
-    Raises InvalidInput where the file, the module or the name is missing, or loading fails.
+    Raises InvalidInput, by ``what`` it is, where the file, the module or the name is missing, or loading fails.
     """
     place, _, name = reference.rpartition(":")
-    module = _import_module(place)
+    module = _import_module(place, what)
     if not hasattr(module, name):
         names = [each for each in vars(module) if not each.startswith("_")]
         raise InvalidInput(
-            f"{_quoted(reference)}: wanted a name of {place}, got {shown(name)}{likely_spelling(name, names)}"
+            f"{what} {_quoted(reference)}: wanted a name of {place}, got {shown(name)}{likely_spelling(name, names)}"
         )
     return getattr(module, name)
 
@@ -82,16 +82,16 @@ def unannotated_in(place: str) -> list[str]:
     return _unannotated(_import_module(place))
 
 
-def _import_module(place: str) -> ModuleType:
+def _import_module(place: str, what: str = "problem") -> ModuleType:
     path = Path(place)
     root, dotted = Path.cwd(), place
     if path.suffix == ".py":
         if not path.is_file():
-            raise InvalidInput(f"problem file {place}: wanted a file, got {missing_file(path)}")
+            raise InvalidInput(f"{what} file {place}: wanted a file, got {missing_file(path)}")
         root, dotted = _root_and_name(path.resolve())
         _refuse_clash(root, dotted.partition(".")[0])
     elif not all(part.isidentifier() for part in dotted.split(".")):
-        raise InvalidInput(f"problem file: wanted FILE.py or package.module, got {shown(place)}")
+        raise InvalidInput(f"{what} file: wanted FILE.py or package.module, got {shown(place)}")
     sys.path[:] = [str(root), *(entry for entry in sys.path if entry != str(root))]
     importlib.invalidate_caches()
     try:
@@ -105,10 +105,10 @@ def _import_module(place: str) -> ModuleType:
             raise InvalidInput(
                 f"module {dotted!r}: wanted FILE.py or a module, got no module {missing!r}{hint}"
             ) from error
-        raise InvalidInput(f"problem file {place}: wanted to load it, got no module {missing!r} installed") from error
+        raise InvalidInput(f"{what} file {place}: wanted to load it, got no module {missing!r} installed") from error
     except (Exception, SystemExit) as error:  # a user's file may raise anything
         file = str(path.resolve()) if path.suffix == ".py" else None
-        raise InvalidInput(f"problem file {place}: wanted to load it, got {_summary(error, file)}") from error
+        raise InvalidInput(f"{what} file {place}: wanted to load it, got {_summary(error, file)}") from error
 
 
 def _root_and_name(path: Path) -> tuple[Path, str]:
@@ -156,7 +156,7 @@ def _unannotated(module: ModuleType) -> list[str]:
         for name, value in vars(module).items()
         if not name.startswith("_")
         and _is_own_factory(value, module)
-        and "return" not in inspect.unwrap(value).__annotations__
+        and "return" not in getattr(_function_of(value), "__annotations__", {})
     ]
 
 
@@ -164,8 +164,19 @@ def _is_factory(value: object, module: ModuleType) -> bool:
     """Return whether a value may be called for a problem: the file's own function, or what says that it makes one."""
     if inspect.isclass(value):
         return _is_problem_class(value)
-    function = inspect.unwrap(value) if callable(value) else value
-    return inspect.isfunction(function) and (function.__module__ == module.__name__ or _returns_problem(function))
+    function = _function_of(value)
+    return function is not None and (function.__module__ == module.__name__ or _returns_problem(function))
+
+
+def _function_of(value: object) -> Callable[..., Any] | None:
+    """Return the function that a value is or, by its own account, wraps; None for anything else."""
+    if not callable(value):
+        return None
+    try:
+        function = inspect.unwrap(value)
+    except Exception:  # a user's object may answer anything, without end
+        return None
+    return function if inspect.isfunction(function) else None
 
 
 def _makes_problem(value: object, module: ModuleType) -> bool:
@@ -186,8 +197,8 @@ def _is_problem_class(kind: type) -> bool:
 
 def _is_own_factory(value: object, module: ModuleType) -> TypeGuard[Callable[..., Any]]:
     """Return whether a value is a function that the module defines and that can be called without arguments."""
-    function = inspect.unwrap(value) if callable(value) else value
-    return inspect.isfunction(function) and function.__module__ == module.__name__ and not _required_arguments(value)
+    function = _function_of(value)
+    return function is not None and function.__module__ == module.__name__ and not _required_arguments(value)
 
 
 def _call(function: Any, module: ModuleType, reference: str) -> Any:
@@ -216,8 +227,9 @@ def _required_arguments(function: Any) -> list[str]:
 
 
 def _is_problem(value: object) -> bool:
-    parts = ("n_var", "n_obj", "evaluate") if timeline(value) == "generation" else ("n_var", "n_obj")
-    return not inspect.isclass(value) and all(hasattr(value, name) for name in parts)
+    if inspect.isclass(value) or not (hasattr(value, "evaluate") or timeline(value) == "step"):
+        return False
+    return all(is_integer(getattr(value, name, None)) for name in ("n_var", "n_obj"))
 
 
 def _summary(error: BaseException, file: str | None) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from contextlib import suppress
 from dataclasses import dataclass
+from difflib import get_close_matches
 from itertools import islice
 from pathlib import Path
 
@@ -25,18 +26,22 @@ def missing_file(path: Path) -> str:
     """Return in words why there is no plain file at a path: the first part of it that is not there, or what is.
 
     A relative path is looked for in the current folder, which is named. A question names what is spelt much like the
-    missing part in the same folder: of a file another file, of a folder another folder.
+    missing part in the same folder, not by its ending alone: of a file another file, of a folder another folder.
     """
     try:
-        return _kind(path) if os.path.lexists(path) else _missing_part(path)
+        os.lstat(path)
+    except (FileNotFoundError, NotADirectoryError):
+        return _missing_part(path)
     except OSError as fault:  # a name that is too long, a folder that nobody may look into
         return f"a path that cannot be followed, {fault.strerror}"
+    return _kind(path)
 
 
 def _kind(path: Path) -> str:
+    kind = "a folder" if path.is_dir() else "something else"
     if path.is_symlink():
-        return "a link" if path.exists() else "a link that leads to nothing"
-    return "a folder" if path.is_dir() else "something else"
+        return f"a link to {kind}" if path.is_dir() else "a link" if path.exists() else "a link that leads to nothing"
+    return kind
 
 
 def _missing_part(path: Path) -> str:
@@ -48,7 +53,9 @@ def _missing_part(path: Path) -> str:
         return f"a path through {folder}, which is no folder"
     what = "no such file" if missing == path else f"no folder {missing}"
     place = "" if path.is_absolute() else f" in {Path.cwd()}"
-    return f"{what}{place}{likely_spelling(missing.name, _names(folder, folders=missing != path))}"
+    names = _names(folder, folders=missing != path)
+    near = [name for name in names if get_close_matches(missing.stem, [Path(name).stem])]
+    return f"{what}{place}{likely_spelling(missing.name, near)}"
 
 
 def _names(folder: Path, *, folders: bool) -> list[str]:

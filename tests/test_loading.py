@@ -10,7 +10,7 @@ from pymoo.problems.multi.zdt import ZDT1
 import paretoik as pk
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.fingerprint.fingerprint import fingerprint
-from paretoik.loading import load_problem, problems_in
+from paretoik.loading import load_problem, problems_in, unannotated_in
 from tests.api.problems import PATH, tracking
 
 ROOT = Path(__file__).parents[1]
@@ -123,6 +123,14 @@ def test_a_file_of_functions_that_say_nothing_proposes_them(file):
         load_problem(f"{place}:reech")
     with pytest.raises(InvalidInput, match=r"wanted a problem or function of .*, which has none, got"):
         load_problem(f"{file('empty.py', '')}:reach")
+
+
+def test_objects_that_have_every_attribute_are_no_problems_and_do_not_keep_others_from_being_read(file):
+    place = file("mocking.py", "from unittest.mock import call\n\ndef reach():\n    return 3\n")
+    assert problems_in(place) == {}
+    assert unannotated_in(place) == ["reach"]
+    with pytest.raises(InvalidInput, match="has, perhaps reach .*got 'raech'; did you mean 'reach'"):
+        load_problem(f"{place}:raech")
 
 
 @pytest.mark.parametrize("name", ["abort", "getcwd", "called", "Callable", "cache"])

@@ -17,6 +17,7 @@ def folder(tmp_path):
         (tmp_path / name).write_text("")
     (tmp_path / "lost").symlink_to(tmp_path / "gone")
     (tmp_path / "linked").symlink_to(tmp_path / "arm.urdf")
+    (tmp_path / "ahead").symlink_to(tmp_path / "runs")
     os.mkfifo(tmp_path / "pipe")
     return tmp_path
 
@@ -33,6 +34,9 @@ def folder(tmp_path):
         ("runs", "a folder"),
         ("lost", "a link that leads to nothing"),
         ("linked", "a link"),
+        ("ahead", "a link to a folder"),
+        ("x.urdf", "no such file"),  # whose ending alone is that of arm.urdf
+        ("x" * 300, "a path that cannot be followed, File name too long"),
         ("pipe", "something else"),
     ],
 )

@@ -64,7 +64,7 @@ def export(
         from paretoik.api.plan_storage import holds_plan
         from paretoik.loading import load_value
 
-        limits = load_value(controller) if controller is not None and ":" in controller else controller
+        limits = load_value("controller", controller) if controller is not None and ":" in controller else controller
         id, motion, about, which = (_optimum if holds_plan(run) else _point)(run, point, problem)
         place = out or run / f"point-{id}{ENDINGS[format or 'csv']}"
         trajectory = export_motion(
