@@ -28,28 +28,31 @@ class CertificateTime:
 OPTIONS = CertificateTime()
 
 
-def reserve_for_certificates(points: int, stages: int = 1) -> AbstractContextManager[None]:
-    """Return a context that ends before the time limit under way, so that points found in it are certified, too.
+@dataclass(frozen=True, kw_only=True)
+class LaterStages:
+    """What follows once the points of a front are there: certification, before it tightening of limits if any.
 
-    Two ``stages`` follow where limits are tightened between samples before.
+    ``tightening`` takes so long as a share of the time that the points took, 0 where limits are not tightened.
     """
-    return reserve_time(stages * OPTIONS.share, stages * points * OPTIONS.longest)
 
+    tightening: float = 0.0
 
-def stages_left(problem: Any) -> int:
-    """Return how many stages follow once the points of a front are there: certification, and tightening if any."""
-    return 2 if tightening_share(problem) else 1
+    @classmethod
+    def of(cls, problem: Any) -> LaterStages:
+        """Return the stages of a problem: limits between samples are tightened of splines."""
+        task = task_of(problem)
+        tightens = task is not None and task.differences == "spline"
+        return cls(tightening=TIME_LEFT.tightening if tightens else 0.0)
 
+    @property
+    def text(self) -> str:
+        """The stages in words."""
+        return "tightening and certification" if self.tightening else "certification"
 
-def stages_after(problem: Any) -> str:
-    """Return what follows once the points of a front are there, in words."""
-    return "tightening and certification" if tightening_share(problem) else "certification"
-
-
-def tightening_share(problem: Any) -> float:
-    """Return how long limits are tightened between samples, as a share of the time that the points took; 0 for not."""
-    task = task_of(problem)
-    return TIME_LEFT.tightening if task is not None and task.differences == "spline" else 0.0
+    def reserve(self, points: int) -> AbstractContextManager[None]:
+        """Return a context that ends before the time limit under way, so that the points found in it have them too."""
+        count = 2 if self.tightening else 1
+        return reserve_time(count * OPTIONS.share, count * points * OPTIONS.longest)
 
 
 def seconds_per_certificate(formulation: Differentiable, x: Points, ranges: Float[np.ndarray, " n_obj"]) -> float:

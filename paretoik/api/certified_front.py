@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
-from paretoik.api.certificate_time import reserve_for_certificates
+from paretoik.api.certificate_time import LaterStages
 from paretoik.api.progress import Observer, count_observer
 from paretoik.arrays import Genes, Ids, Point, Points
 from paretoik.fingerprint.fingerprint import fingerprint
@@ -79,7 +79,7 @@ def certified_front(
         shown = count_observer(
             observe, "tightening", later=seconds_per_certificate, uniform=True, following="certification"
         )
-        with reserve_for_certificates(len(x)):
+        with LaterStages().reserve(len(x)):
             held, programs = formulation.hold_between(x, ranges, solver=solver, observe=shown)
         individuals = formulation.individuals(held, genes)
         certificates, better = certify(

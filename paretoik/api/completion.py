@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.api.certificate_time import stages_after
+from paretoik.api.certificate_time import LaterStages
 from paretoik.api.progress import Observer, count_observer
 from paretoik.api.refine import refine_front
 from paretoik.arrays import Ids, Points
@@ -63,7 +63,7 @@ def complete_front(
                 refined=True,
                 cold_points=OPTIONS.cold_points,
                 solver=solver,
-                observe=_point_observer(shown, stages_after(front.problem)),
+                observe=_point_observer(shown, LaterStages.of(front.problem).text),
             )
             return complete_x, _ids(complete_x, x, ids, first_id), complete_ranges
         return x, ids, ranges

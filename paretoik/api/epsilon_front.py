@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from paretoik.api.certificate_time import reserve_for_certificates, stages_left
+from paretoik.api.certificate_time import LaterStages
 from paretoik.api.certified_front import certified_front
 from paretoik.api.initial import initial_points, remembered_points
 from paretoik.api.least_violating import infeasible_recorded
@@ -140,7 +140,7 @@ def _sweep(problem: Any, formulation: Differentiable, initial: Points | None, se
         workcell=workcell_of(problem),
     )
     display, solver = SweepDisplay(session, formulation), settings["solver"]
-    reserve = reserve_for_certificates(settings["points"], stages_left(problem))
+    reserve = LaterStages.of(problem).reserve(settings["points"])
     with infeasible_recorded(session, problem, display.infeasible_end), reserve:
         cold = formulation.cold_search(
             starts=settings["starts"],

@@ -11,13 +11,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from jaxtyping import Bool, Float
 
-from paretoik.api.certificate_time import (
-    reserve_for_certificates,
-    seconds_per_certificate,
-    stages_after,
-    stages_left,
-    tightening_share,
-)
+from paretoik.api.certificate_time import LaterStages, seconds_per_certificate
 from paretoik.api.certified_front import certified_front, no_worse
 from paretoik.api.progress import Observer, count_observer
 from paretoik.api.refinement_display import RefinementDisplay, improved_points
@@ -183,7 +177,7 @@ def refine_front(
         later = 0.0 if session.observe is None else seconds_per_certificate(formulation, x, ranges)
         then = "" if complete is None else "optimum"
         count = partial(_count_round, session.observe, problem, later, then)
-        with reserve_for_certificates(len(x), stages_left(problem)):
+        with LaterStages.of(problem).reserve(len(x)):
             x, converged, ranges = _refine_over_own_ranges(formulation, x, ranges, solver, count)
             if complete is not None:
                 individuals = no_worse(formulation, formulation.individuals(x), front, ranges)
@@ -207,14 +201,9 @@ def refine_front(
 
 def _count_round(observe: Observer | None, problem: Any, later: float, then: str, number: int) -> Observe | None:
     """Return what tells an observer how many points are refined, in a round of its own from the second on."""
+    stages = LaterStages.of(problem)
     show = count_observer(
-        observe,
-        "refinement",
-        later=later,
-        again=tightening_share(problem),
-        uniform=True,
-        then=then,
-        following=stages_after(problem),
+        observe, "refinement", later=later, again=stages.tightening, uniform=True, then=then, following=stages.text
     )
     words = f"round {number + 1}" if number else ""
     return None if show is None else lambda done, total: show(done, total, words)

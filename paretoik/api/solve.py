@@ -75,9 +75,9 @@ def solve(
     initial
         Start from genes (rows, genes), motions on the path, or a former front.
     time_limit, evaluations, target, stagnation
-        Further endings: seconds of computing (compiling code, once for a copy of paretoik, is not counted); a number
-        of evaluations; values to be reached by one point (one an objective, in its own sign); whether to stop when the
-        front has not improved for 20 generations.
+        Further endings: seconds of computing (compiling code in this process, once for a copy of paretoik, is not
+        counted), of which ``refine`` has a part; a number of evaluations; values to be reached by one point (one an
+        objective, in its own sign); whether to stop when the front has not improved for 20 generations.
     anchors
         Generations spent on each objective alone before all are searched together; None takes half of all, shared
         by the objectives, on problems with branches, where the ends of a front can lie in basins of their own.

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 
-from paretoik.api.certificate_time import seconds_per_certificate, stages_after, tightening_share
+from paretoik.api.certificate_time import LaterStages, seconds_per_certificate
 from paretoik.api.progress import RunProgress, count_observer
 from paretoik.api.run_session import RunSession
 from paretoik.api.time_left import sweep_time_left
+from paretoik.compilation_notices import computing_clock
 from paretoik.formulations.protocol import Differentiable
 from paretoik.front.front import Front
 from paretoik.front.hypervolume_curve import HypervolumeCurve
@@ -62,7 +61,7 @@ class SweepDisplay:
         if self._session.observe is not None:
             ranges = ranges_of(progress.objectives)
             self.seconds_per_certificate = seconds_per_certificate(self._formulation, progress.x, ranges)
-        self._started, self._before = time.monotonic(), progress.done
+        self._started, self._before = computing_clock(), progress.done
 
     def finish(self, front: Front) -> None:
         """Record the front that the sweep led to, under no bound any more."""
@@ -121,14 +120,14 @@ class SweepDisplay:
                 epsilon=None if progress.epsilon is None else progress.epsilon * self._signs,
             )
             self._steps += 1
-        seconds = time.monotonic() - self._started
+        seconds = computing_clock() - self._started
         remaining = sweep_time_left(
             progress.done,
             progress.total,
             seconds,
             before=self._before,
             later=self.seconds_per_certificate,
-            again=tightening_share(self._formulation),
+            again=LaterStages.of(self._formulation).tightening,
         )
         self._session.show(
             RunProgress(
@@ -139,6 +138,6 @@ class SweepDisplay:
                 remaining=remaining,
                 summary=", ".join(filter(None, [self._hypervolume.summary(self._steps - 1), progress.improving])),
                 generation=generation,
-                following=stages_after(self._formulation),
+                following=LaterStages.of(self._formulation).text,
             )
         )

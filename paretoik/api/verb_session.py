@@ -41,6 +41,12 @@ class VerbSession:
         """What ended the computation early: the name of a signal, or "time limit"."""
         return self.signal or ("time limit" if self.limit.reached else None)
 
+    def _given(self) -> str:
+        """Return in words how long was searched: what is reserved of a limit for certificates was not."""
+        limit, left = self.limit.seconds, self.limit.remaining
+        assert limit is not None
+        return f"{limit:g} s" if left <= 0 else f"{limit - left:.2g} s, what {limit:g} s leave beside certificates"
+
     @contextmanager
     def computing(self, seconds: float | None) -> Iterator[None]:
         """Let the body compute for so many seconds at most; it then returns what it has, as after a signal.
@@ -52,7 +58,9 @@ class VerbSession:
                 yield
             except Interrupted:
                 if self.signal is None and self.limit.reached:
-                    raise SolverFailed(f"time_limit: nothing was found within {seconds:g} s; more are wanted") from None
+                    raise SolverFailed(
+                        f"time_limit: nothing was found within {self._given()}; more are wanted"
+                    ) from None
                 raise
 
 
