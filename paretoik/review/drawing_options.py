@@ -70,14 +70,16 @@ class MarkSizes:
     ``end`` is the radius of a best point, wider by ``ring`` around each mark on top of it. Labels stay ``clearance``
     off the middle of their mark and ``label_gap`` off others; those that find no room there go ``label_steps`` off, in
     heights of a label from the nearest place on, and ``outside`` is what leaving the frame counts, in marks that are
-    covered: more than there ever are. Where none of these is free, a label goes to one of ``label_grid`` places across
-    and down; what is farther off its mark than ``leader`` is joined to it by a line. Labels keep off so many points of
-    any line, ``line_points``.
-    Their lines are ``label_line`` apart. Curves are ``line`` wide, limits have dashes of ``dash``. Of a curve of dots
-    more than ``many_dots`` are small; axes leave ``dot_margin`` of their range free on either side, so that none is
-    cut. The chosen arm is ``solid_arm`` wide, those of best points are ``arms``, so that each is seen on the one before
-    where they coincide; in space, where thin lines would hide in wide ones, ``spatial_arms``. A start of a plan has the
-    radius ``start``; beyond the axes it is a dash of ``edge_dash`` at their edge.
+    covered: more than there ever are; so near as ``frame_gap`` to the frame counts as outside, and labels above it stay
+    ``title_gap`` off what the axis upwards is called. Where none of these is free, a label goes to one of
+    ``label_grid`` places across and down; what is farther off its mark than ``leader`` is joined to it by a line, which
+    ends ``overlap`` within the label's plate. Labels keep off so many points of any line, ``line_points``.
+
+    Curves are ``line`` wide, limits have dashes of ``dash``. Of a curve of dots more than ``many_dots`` are small; axes
+    leave ``dot_margin`` of their range free on either side, so that none is cut. The chosen arm is ``solid_arm`` wide,
+    those of best points are ``arms``, so that each is seen on the one before where they coincide; in space, where thin
+    lines would hide in wide ones, ``spatial_arms``. A start of a plan has the radius ``start``; beyond the axes it is a
+    dash of ``edge_dash`` at their edge.
     """
 
     end: float = 5.2
@@ -86,10 +88,12 @@ class MarkSizes:
     label_steps: tuple[float, ...] = (1.0, 2.0, 3.5)
     outside: float = 1000.0
     label_gap: float = 4.0
+    frame_gap: float = 3.0
+    title_gap: float = 14.0
     label_grid: int = 12
     leader: float = 16.0
+    overlap: float = 2.0
     line_points: int = 40
-    label_line: float = 16.0
     line: float = 2.4
     dash: float = 7.0
     many_dots: int = 40

@@ -90,7 +90,12 @@ class Canvas:
     @property
     def upper_label_end(self) -> float:
         """Where the label of the axis upwards ends, above the frame."""
-        return float(self.origin[0] - 0.8 * TEXT.left + text_width(self.labels[1]))
+        return float(self.upper_label_middle[0] + 0.5 * text_width(self.labels[1]))
+
+    @property
+    def upper_label_middle(self) -> Values:
+        """The middle of the label of the axis upwards."""
+        return np.asarray(self.origin + (0.5 * text_width(self.labels[1]) - 0.8 * TEXT.left, -TEXT.rise))
 
     def log(self, recording: rr.RecordingStream, entity: str, *, static: bool) -> None:
         """Draw frame, grid, ticks and labels."""
@@ -137,7 +142,7 @@ class Canvas:
                     words.append(word)
                     places.append(middle)
             words.append(self.labels[1])
-            places.append(np.array([x - 0.8 * TEXT.left + 0.5 * text_width(self.labels[1]), y - TEXT.rise]))
+            places.append(self.upper_label_middle)
         return words, np.array(places).reshape(-1, 2)
 
 

@@ -9,8 +9,9 @@ import numpy as np
 import rerun as rr
 from jaxtyping import Float
 
-from paretoik.arrays import Objectives, Values
-from paretoik.review.drawing.drawn_axes import TEXT, Canvas, labels, text_width
+from paretoik.arrays import Mask, Objectives, Values
+from paretoik.review.drawing.drawn_axes import TEXT, Canvas, labels
+from paretoik.review.drawing.label_sizes import below_first, half_size, plate_half
 from paretoik.review.drawing_options import MARKS
 from paretoik.review.label_candidates import (
     NO_LINES,
@@ -38,10 +39,8 @@ def label_place(
     half = half_size(words)
     distances = tuple(MARKS.clearance + (step - 1.0) * TEXT.line for step in MARKS.label_steps)
     middles = places_beside(mark, half, distances)
-    low, high = canvas.origin, canvas.origin + np.array([canvas.width, canvas.height])
-    outside = ((middles - half < low) | (middles + half > high)).any(axis=1)
     covered = count_covered(middles, half, others, gap=MARKS.label_gap)
-    return np.asarray(middles[(covered + MARKS.outside * outside).argmin()])
+    return np.asarray(middles[(covered + MARKS.outside * ~_is_inside(canvas, middles, half)).argmin()])
 
 
 def joined_label_place(
@@ -53,23 +52,21 @@ def joined_label_place(
 ) -> Float[np.ndarray, " 2"]:
     """Return the middle of the label of a `mark` that a line joins to it: where beside it none is free, farther off.
 
-    Farther off are all places in the frame, then those of the margins, which nothing else is drawn in. The line crosses
-    none of ``lines`` and touches none of ``others`` where that can be.
+    Farther off are all places in the frame, then those of the margins, where the name of the axis upwards alone is. The
+    line crosses none of ``lines`` and touches none of ``others`` where that can be.
     """
+    others = np.concatenate([others, _title_area(canvas)])
     half, near = half_size(words), label_place(canvas, mark, words, others)
     end = np.clip(mark, near - half, near + half)[None]
+    inside = near[None][_is_inside(canvas, near[None], half)]
     is_covering = count_covered(near[None], half, others, gap=MARKS.label_gap).any()
     is_touching = _has_line(mark, end[0]) and count_touched(mark, end, others, MARKS.end).any()
-    if not is_covering and not is_touching and not count_crossed(mark, end, lines).any():
+    if len(inside) and not is_covering and not is_touching and not count_crossed(mark, end, lines).any():
         return near
-    middles = np.concatenate([near[None], _frame_places(canvas, half), _margin_places(canvas, half)])
+    middles = np.concatenate([inside, _frame_places(canvas, half), _margin_places(canvas, half)])
+    if not len(middles):
+        return near
     return freest_place(middles, half, mark, others, MARKS.label_gap, lines, reach=MARKS.end)
-
-
-def half_size(words: str) -> Float[np.ndarray, " 2"]:
-    """Return half the width and height of a label [pixels]."""
-    longest = max(words.split("\n"), key=len)
-    return np.array([0.5 * text_width(longest) + 8.0, 0.5 * TEXT.line + _below_first(words)])
 
 
 def label_points(
@@ -88,10 +85,8 @@ def label_lines(mark: Float[np.ndarray, " 2"], middle: Float[np.ndarray, " 2"], 
 
 def label_area(middle: Float[np.ndarray, " 2"], words: str) -> Float[np.ndarray, "area 2"]:
     """Return points all over a label around its `middle`."""
-    longest = max(words.split("\n"), key=len)
-    wide = np.array([0.5 * text_width(longest), 0.4 * TEXT.line + _below_first(words)])
     grid = np.stack(np.meshgrid(np.linspace(-1.0, 1.0, 9), np.linspace(-1.0, 1.0, 3)), axis=-1).reshape(-1, 2)
-    return np.asarray(middle + wide * grid)
+    return np.asarray(middle + plate_half(words) * grid)
 
 
 def named_area(
@@ -120,10 +115,11 @@ def joined_label(
 ) -> DrawnLabel:
     """Return the label of a `mark` at the best place for it, and where that is farther off a line to it."""
     middle, half = joined_label_place(canvas, mark, words, others, lines), half_size(words)
-    edge = np.clip(mark, middle - half, middle + half)
-    joins = [np.stack([mark, edge])] if _has_line(mark, edge) else []
+    within = plate_half(words) - MARKS.overlap
+    tip = np.clip(mark, middle - within, middle + within)
+    joins = [np.stack([mark, tip])] if _has_line(mark, np.clip(mark, middle - half, middle + half)) else []
     line = rr.LineStrips2D(joins, colors=colour, radii=rr.Radius.ui_points(0.6), draw_order=3.8)
-    return labels([words], (middle - (0.0, _below_first(words)))[None], colour), line
+    return labels([words], (middle - (0.0, below_first(words)))[None], colour), line
 
 
 def no_label() -> DrawnLabel:
@@ -167,14 +163,34 @@ def _has_line(mark: Float[np.ndarray, " 2"], edge: Float[np.ndarray, " 2"]) -> b
 
 def _frame_places(canvas: Canvas, half: Float[np.ndarray, " 2"]) -> Float[np.ndarray, "places 2"]:
     """Return where a label of half a size lies within the frame."""
-    low, high = canvas.origin + half, canvas.origin + np.array([canvas.width, canvas.height]) - half
+    low, high = _frame_corners(canvas, half)
     return places_between(low, high, MARKS.label_grid) if (low <= high).all() else np.zeros((0, 2))
+
+
+def _frame_corners(
+    canvas: Canvas, half: Float[np.ndarray, " 2"]
+) -> tuple[Float[np.ndarray, " 2"], Float[np.ndarray, " 2"]]:
+    """Return the corners of all places where a label of half a size lies within the frame and off it."""
+    inset = half + MARKS.frame_gap
+    return canvas.origin + inset, canvas.origin + np.array([canvas.width, canvas.height]) - inset
+
+
+def _is_inside(canvas: Canvas, middles: Float[np.ndarray, "places 2"], half: Float[np.ndarray, " 2"]) -> Mask:
+    """Say of which places a label of half a size lies within the frame."""
+    low, high = _frame_corners(canvas, half)
+    return np.asarray(((middles >= low - 1e-9) & (middles <= high + 1e-9)).all(axis=1))
+
+
+def _title_area(canvas: Canvas) -> Float[np.ndarray, "area 2"]:
+    """Return points all over what the axis upwards is called."""
+    return label_area(canvas.upper_label_middle, canvas.labels[1]) if canvas.ticked[1] else np.zeros((0, 2))
 
 
 def _margin_places(canvas: Canvas, half: Float[np.ndarray, " 2"]) -> Float[np.ndarray, "places 2"]:
     """Return where a label lies above the frame, beside what the axis upwards is called, or right of it."""
     (x, y), right = canvas.origin, canvas.origin[0] + canvas.width
-    begin = max(x, canvas.upper_label_end + 6.0) if canvas.ticked[1] else x
+    title_end = canvas.upper_label_middle[0] + half_size(canvas.labels[1])[0]
+    begin = max(x, title_end + MARKS.title_gap) if canvas.ticked[1] else x
     places = [np.zeros((0, 2))]
     if 2 * half[1] <= TEXT.top and begin + 2 * half[0] <= right + canvas.side_room:
         above = y - TEXT.rise
@@ -185,8 +201,3 @@ def _margin_places(canvas: Canvas, half: Float[np.ndarray, " 2"]) -> Float[np.nd
         low = np.array([right + 8.0 + half[0], y + half[1]])
         places.append(places_between(low, np.array([low[0], y + canvas.height - half[1]]), MARKS.label_grid))
     return np.concatenate(places)
-
-
-def _below_first(words: str) -> float:
-    """Return how far the middle of words lies below that of their first line [pixels]."""
-    return 0.5 * MARKS.label_line * words.count("\n")

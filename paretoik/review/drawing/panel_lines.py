@@ -11,9 +11,10 @@ from jaxtyping import Float
 
 from paretoik.arrays import Objectives, Values
 from paretoik.formulations.protocol import Timeline
-from paretoik.review.drawing.drawn_axes import TEXT, Canvas, labels, text_width
+from paretoik.review.drawing.drawn_axes import Canvas, labels, text_width
 from paretoik.review.drawing.front_panels import Pair
 from paretoik.review.drawing.label_places import label_area, line_points
+from paretoik.review.drawing.label_sizes import half_size
 from paretoik.review.drawing.screen_text import screen_text
 from paretoik.review.drawing_options import MARKS
 from paretoik.review.label_candidates import count_covered
@@ -122,14 +123,15 @@ def _end_label_place(
 
     Of such that nearest to where the line ends, on the side that has more room; on the line where neither has enough.
     """
-    half = np.array([0.5 * text_width(words) + 8.0, 0.5 * TEXT.line])
+    half = np.array([0.5 * text_width(words) + 8.0, half_size(words)[1]])
     offset, middle = half + np.array([6.0, 4.0]), canvas.origin + 0.5 * np.array([canvas.width, canvas.height])
     inwards = np.where(ends[-1] > middle, -1.0, 1.0)
     across = np.abs(ends[1] - ends[0]) < 1e-9  # the axis along which a line has two sides
     last, first = ends[-1] + inwards * offset, ends[0] + np.where(across, inwards, -inwards) * offset
     places = last + np.linspace(0.0, 1.0, MARKS.label_grid)[:, None] * (first - last)
     middles = np.stack([places, places - 2.0 * across * inwards * offset], axis=1).reshape(-1, 2)
-    low, high = canvas.origin + half, canvas.origin + np.array([canvas.width, canvas.height]) - half
+    inset = half + MARKS.frame_gap
+    low, high = canvas.origin + inset, canvas.origin + np.array([canvas.width, canvas.height]) - inset
     middles = np.concatenate([middles, np.minimum(np.maximum(middles, low), high)])
     outside = ((middles < low - 1e-6) | (middles > high + 1e-6)).any(axis=1)
     return np.asarray(middles[(count_covered(middles, half, others) + MARKS.outside * outside).argmin()])

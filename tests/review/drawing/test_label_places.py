@@ -5,12 +5,14 @@ from __future__ import annotations
 from fractions import Fraction
 
 import numpy as np
+import pytest
 import rerun as rr
 from hypothesis import given
 from hypothesis import strategies as st
 
-from paretoik.review.drawing.drawn_axes import Canvas
-from paretoik.review.drawing.label_places import half_size, joined_label, joined_label_place, label_place, line_points
+from paretoik.review.drawing.drawn_axes import TEXT, Canvas
+from paretoik.review.drawing.label_places import joined_label, joined_label_place, label_place, line_points
+from paretoik.review.drawing.label_sizes import half_size, plate_half
 from paretoik.review.drawing.panel_marks import log_ends, ring_radii
 from paretoik.review.drawing.search_layers import LAYERS
 from paretoik.review.drawing_options import MARKS
@@ -61,6 +63,39 @@ def test_a_label_is_beside_its_mark_or_a_line_joins_them(mark, others):
     for start, end in strips:
         np.testing.assert_allclose(start, mark, atol=1e-3)
         assert (np.abs(np.array(end) - middle) <= half + 1e-3).all()
+
+
+PLATES = {  # width and height in pictures of the viewer [pixels]
+    "point 2293": (75.0, 23.0),
+    "point 1937": (75.0, 23.0),
+    "best kinetic_energy\nbest joint_limit_distance": (150.5, 38.0),
+}
+
+
+@pytest.mark.parametrize("words", PLATES)
+def test_a_plate_is_as_large_as_the_viewer_draws_it(words):
+    np.testing.assert_allclose(2 * plate_half(words), PLATES[words], atol=2.0)
+
+
+@pytest.mark.parametrize("words", PLATES)
+@pytest.mark.parametrize("size", [(504.0, 414.0), (246.0, 181.0)], ids=["of two objectives", "of three objectives"])
+@given(share=st.tuples(st.floats(0, 1), st.floats(0, 1)), crowd=st.integers(6, 40), scale=st.floats(0.95, 1.0))
+def test_the_plate_of_a_label_touches_neither_the_frame_nor_the_name_of_the_axis(size, words, share, crowd, scale):
+    """In a view whose unit is ``scale`` pixels; the plate itself is as large as ever, below the label's point."""
+    name = "speed_2 [m/s] ↑"
+    canvas = Canvas(low=np.zeros(2), high=np.array(size), labels=("x", name), width=size[0], height=size[1])
+    dots = np.array([(x, y) for x in range(0, int(size[0]), 2 * crowd) for y in range(0, int(size[1]), crowd)], float)
+    label, line = joined_label(canvas, np.array(share) * size, words, dots, (255, 255, 255, 255))
+    drop, half = TEXT.drop + 7.5 * words.count("\n"), 0.5 * np.array(PLATES[words])
+    middle = scale * np.array(label.positions.as_arrow_array().to_pylist()[0]) + (0.0, drop)
+    low, high = middle - half, middle + half
+    title = scale * (canvas.upper_label_middle - (0.0, TEXT.drop)) + (0.0, TEXT.drop)
+    end = title + (52.0, 11.5)  # measured
+    is_inside = (low >= 1.0).all() and (high <= scale * np.array(size) - 1.0).all()
+    assert is_inside or (high[1] < 0.0 and low[0] > end[0] + 6.0)
+    for _, tip in line.strips.as_arrow_array().to_pylist():
+        depth = (half - np.abs(scale * np.array(tip) - middle)).min()
+        assert -1.0 <= depth <= 6.0
 
 
 corners = st.tuples(st.integers(0, 20), st.integers(0, 20))

@@ -13,6 +13,7 @@ from paretoik.front.compromise import compromise
 from paretoik.review.drawing.chosen_recording import recording_with_choice
 from paretoik.review.drawing.drawn_axes import TEXT, text_width
 from paretoik.review.drawing.joint_charts import limit_lines
+from paretoik.review.drawing.label_sizes import below_first, half_size, plate_half
 from paretoik.review.drawing.recorded_views import read_recorded
 from paretoik.review.drawing_options import MARKS
 from paretoik.review.palette import SCREEN
@@ -150,14 +151,12 @@ def test_no_name_of_a_point_lies_on_a_dot_and_one_farther_off_is_joined_to_its_o
             continue
         dots = [np.array(final).reshape(-1, 2)]
         dots += [np.array(layer.get(number, ())).reshape(-1, 2) for layer in drawn.values()]
-        lines = str(words[number][0]).split("\n")
-        half = np.array(
-            [0.5 * text_width(max(lines, key=len)), 0.4 * TEXT.line + 0.5 * MARKS.label_line * (len(lines) - 1)]
-        )
-        middle = place[0] + (0.0, TEXT.drop + 0.5 * MARKS.label_line * (len(lines) - 1))
+        label = str(words[number][0])
+        half, need = plate_half(label), half_size(label)
+        middle = place[0] + (0.0, TEXT.drop + below_first(label))
         assert not (np.abs(np.concatenate(dots) - middle) < half).all(axis=1).any(), number
         (mark,) = rows(entities[f"{panel}/chosen"], "generation", "positions")[number]
-        gap = np.linalg.norm(np.maximum(np.abs(mark - middle) - half - (8.0, 2.0), 0.0))
+        gap = np.linalg.norm(np.maximum(np.abs(mark - middle) - need, 0.0))
         assert len(leaders.get(number, ())) == (gap > MARKS.leader)
 
 
