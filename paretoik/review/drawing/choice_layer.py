@@ -64,7 +64,7 @@ class ChoiceLayer:
             self._parallel.log(stream, static=True)
             stream.log(
                 f"{self._parallel.entity}/front",
-                self._parallel.lines(front.objectives, SCREEN.lines, 0.6, 1.0),
+                self._parallel.lines(front.objectives, SCREEN.front, 0.6, 1.0),
                 static=True,
             )
 

@@ -95,7 +95,8 @@ class Canvas:
     @property
     def upper_label_middle(self) -> Values:
         """The middle of the label of the axis upwards."""
-        return np.asarray(self.origin + (0.5 * text_width(self.labels[1]) - 0.8 * TEXT.left, -TEXT.rise))
+        across = 0.5 * text_width(self.labels[1]) - 0.8 * TEXT.left
+        return np.asarray(self.origin + np.array([across, -TEXT.rise]))
 
     def log(self, recording: rr.RecordingStream, entity: str, *, static: bool) -> None:
         """Draw frame, grid, ticks and labels."""
@@ -237,8 +238,22 @@ def fitting_ticks(low: float, high: float, *, room: float, size: Callable[[float
 
 def nice_ticks(low: float, high: float, *, count: int = 5) -> Values:
     """Return multiples of 1, 2 or 5 times a power of ten inside [low, high], about `count` at most."""
-    rough = (high - low) / count
-    power = 10.0 ** np.floor(np.log10(rough))
-    step = power * next(factor for factor in (1.0, 2.0, 5.0, 10.0) if factor * power >= 0.999 * rough)
+    step = _nice_step((high - low) / count)
     ticks: Values = np.arange(np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9) + 1) * step
     return ticks + 0.0  # no tick at minus zero
+
+
+def round_ends(low: float, high: float, *, count: int = 40) -> tuple[float, float]:
+    """Return the nearest ends around [low, high] that are multiples of a round step, about a `count`-th of it.
+
+    >>> round_ends(721.3, 1629.4)
+    (700.0, 1650.0)
+    """
+    step = _nice_step((high - low) / count)
+    return float(np.floor(low / step + 1e-9) * step) + 0.0, float(np.ceil(high / step - 1e-9) * step) + 0.0
+
+
+def _nice_step(rough: float) -> float:
+    """Return 1, 2 or 5 times a power of ten that is hardly less than `rough`."""
+    power = 10.0 ** np.floor(np.log10(rough))
+    return float(power * next(factor for factor in (1.0, 2.0, 5.0, 10.0) if factor * power >= 0.999 * rough))

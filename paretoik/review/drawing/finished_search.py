@@ -74,7 +74,7 @@ class FinishedSearch:
             final = self._end.front.objectives
             self.search.scene.log_points(stream, "final", final, self._views.canvases, static=True)
             if self._views.parallel is not None:
-                lines = self._views.parallel.lines(final, SCREEN.final_lines, 0.6, 0.5)
+                lines = self._views.parallel.lines(final, SCREEN.final, 0.6, 0.5)
                 stream.log(f"{self._views.parallel.entity}/final", lines, static=True)
         if self._end.choice is not None:
             stream.log(WHY, rr.TextDocument(reason_text(self._end.choice), media_type="text/markdown"), static=True)

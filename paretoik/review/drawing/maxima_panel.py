@@ -61,7 +61,7 @@ class MaximaPanel:
         """Draw the first so many maxima, the last of them as the chosen one."""
         tips = self.tips[:count]
         is_reached = np.isfinite(tips).all(axis=1)
-        recording.log(f"{ENTITY}/rays", self._rays(count, SCREEN.lines if self.planar else SCREEN.front, 0.6))
+        recording.log(f"{ENTITY}/rays", self._rays(count, SCREEN.front, 0.6))
         recording.log(f"{ENTITY}/outline", self._outline(count, SCREEN.front, 1.6, 2.0))
         names = [f"direction {number}" for number in np.flatnonzero(is_reached) + 1]
         corners = self._points(tips[is_reached], SCREEN.front, 3.2, 3.0, labels=names, show_labels=False)

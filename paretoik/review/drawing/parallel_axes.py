@@ -10,7 +10,15 @@ import rerun.blueprint as rrb
 from jaxtyping import Int
 
 from paretoik.arrays import Objectives, Values
-from paretoik.review.drawing.drawn_axes import TEXT, axis_ranges, fitting_ticks, labels, text_width, tick_text
+from paretoik.review.drawing.drawn_axes import (
+    TEXT,
+    axis_ranges,
+    fitting_ticks,
+    labels,
+    round_ends,
+    text_width,
+    tick_words,
+)
 from paretoik.review.drawing_options import DRAWING, VIEWS
 from paretoik.review.even_rows import even_rows
 from paretoik.review.palette import SCREEN, Colour
@@ -27,10 +35,13 @@ class ParallelAxes:
 
     @staticmethod
     def around(entity: str, labels: tuple[str, ...], shown: Objectives) -> ParallelAxes:
-        """Return axes that hold all of `shown` (points, n_obj), at least one point."""
+        """Return axes that hold all of `shown` (points, n_obj), at least one point; inner ones have round ends."""
         low, high = shown.min(axis=0), shown.max(axis=0)
         margin = 0.04 * axis_ranges(low, high)
-        return ParallelAxes(entity=entity, labels=labels, low=low - margin, high=high + margin)
+        low, high = low - margin, high + margin
+        for axis in range(1, len(labels) - 1):
+            low[axis], high[axis] = round_ends(low[axis], high[axis])
+        return ParallelAxes(entity=entity, labels=labels, low=low, high=high)
 
     def view(self) -> rrb.View:
         """Return the view."""
@@ -41,25 +52,24 @@ class ParallelAxes:
         )
 
     def log(self, recording: rr.RecordingStream, *, static: bool) -> None:
-        """Draw axes, ticks and labels: words of ticks on the outer sides alone, as lines run between axes.
+        """Draw axes, ticks and labels: numbers on the outer sides alone, as lines run between axes.
 
-        Inner axes have theirs where they end.
+        Inner axes have ticks and numbers where they end alone.
         """
         strips, words, places = list[np.ndarray](), list[str](), list[tuple[float, float]]()
         for axis, (x, low, high) in enumerate(zip(self._x, self.low, self.high, strict=True)):
             strips.append(np.array([(x, 0.0), (x, self._height)]))
-            ticks = fitting_ticks(low, high, room=self._height, size=lambda _: 0.6 * TEXT.line, largest=5)
             outer = axis in (0, len(self.labels) - 1)
+            ticks = np.array([low, high])
+            if outer:
+                ticks = fitting_ticks(low, high, room=self._height, size=lambda _: 0.6 * TEXT.line, largest=5)
             side = -1.0 if axis == 0 else 1.0
-            for tick in ticks:
+            for tick, word in zip(ticks, tick_words(ticks), strict=True):
                 y = float(self._upwards(np.array(tick), low, high))
                 strips.append(np.array([(x - 4.0, y), (x + 4.0, y)]))
-                if outer:
-                    words.append(tick_text(tick))
-                    places.append((x + side * (10.0 + 0.5 * text_width(words[-1])), y))
-            if not outer:
-                words += [f"{end:.4g}" for end in (high, low)]
-                places += [(x, -0.6 * TEXT.line), (x, self._height + 0.6 * TEXT.line)]
+                words.append(word)
+                beyond = -0.6 if tick == high else 0.6
+                places.append((x + side * (10.0 + 0.5 * text_width(word)), y) if outer else (x, y + beyond * TEXT.line))
             words.append(self.labels[axis])
             last = self._x[-1] + 0.8 * TEXT.left - 0.5 * text_width(words[-1])
             middle = min(max(x, 0.5 * text_width(words[-1]) - 0.85 * TEXT.left), last) if len(self._x) > 1 else x

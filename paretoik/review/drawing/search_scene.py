@@ -257,7 +257,7 @@ class SearchScene:
     ) -> None:
         """Draw a front, and on top its chosen point, in parallel coordinates."""
         drawn = front if reference is None else normalised(front, reference)
-        recording.log(f"{parallel.entity}/front", parallel.lines(drawn, SCREEN.lines, 0.6, 1.0))
+        recording.log(f"{parallel.entity}/front", parallel.lines(drawn, SCREEN.front, 0.6, 1.0))
         if chosen is not None:
             row = chosen[None] if reference is None else normalised(chosen[None], reference)
             recording.log(f"{parallel.entity}/chosen", parallel.lines(row, SCREEN.chosen, 2.2, 4.0))
