@@ -8,8 +8,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
-from typing import Any
 
 import numpy as np
 import rerun as rr
@@ -42,7 +40,7 @@ class Chart:
 
     ``shown`` are (points, 2), what will ever be drawn; values that are not finite are left out. Values that are nothing
     beside limits and the ``usual`` ones are 0: axes then hold all limits, or usual values. With ``dots`` instants have
-    no order, and no lines join them.
+    no order, and no lines join them. A curve of one point is a dot, too.
     """
 
     entity: str
@@ -85,19 +83,26 @@ class Chart:
         """Draw curves (curves, instants) and their names, at the current time or for all times."""
         low, high = self.canvas.low, self.canvas.high  # what leaves the picture runs along its edge
         strips = [self.canvas.place(np.clip(_finite_points(instants, curve), low, high)) for curve in curves]
-        lines: Any = rr.LineStrips2D(
-            strips, colors=list(self.colours), radii=rr.Radius.ui_points(MARKS.line / 2), draw_order=1.0
-        )
-        if self.dots:
-            colours = [colour for colour, strip in zip(self.colours, strips, strict=True) for _ in strip]
-            radius = rr.Radius.ui_points(2.2 if max(map(len, strips)) > MARKS.many_dots else 3.2)
-            lines = rr.Points2D(np.concatenate(strips), colors=colours, radii=radius, draw_order=1.0)
-        recording.log(f"{self.entity}/curves", lines, static=static)
+        recording.log(f"{self.entity}/curves", *self._lines(strips), self._dots(strips), static=static)
         if len(curves) > 1:
             ends = [strip[-1, 1] if len(strip) else 0.5 * self.canvas.height for strip in strips]
             recording.log(
                 f"{self.entity}/names", labels(self.names, self._name_places(ends), self.colours), static=static
             )
+
+    def _lines(self, strips: Sequence[np.ndarray]) -> list[rr.LineStrips2D]:
+        """Return curves as lines, none where instants have no order."""
+        if self.dots:
+            return []
+        radii = rr.Radius.ui_points(MARKS.line / 2)
+        return [rr.LineStrips2D(strips, colors=list(self.colours), radii=radii, draw_order=1.0)]
+
+    def _dots(self, strips: Sequence[np.ndarray]) -> rr.Points2D:
+        """Return the points of curves as dots where no line shows them."""
+        dotted = [strip if self.dots or len(strip) == 1 else strip[:0] for strip in strips]
+        colours = [colour for colour, strip in zip(self.colours, dotted, strict=True) for _ in strip]
+        radius = rr.Radius.ui_points(2.2 if max(map(len, dotted)) > MARKS.many_dots else 3.2)
+        return rr.Points2D(np.concatenate(dotted), colors=colours, radii=radius, draw_order=1.0)
 
     def log_cursor(self, recording: rr.RecordingStream, instant: float) -> None:
         """Let a line stand at an instant, at the current time."""
@@ -168,8 +173,9 @@ class Chart:
 
     def _name_places(self, ends: Sequence[float]) -> Values:
         """Return the middles of names: right of the ends of their curves, as many columns as it takes."""
-        lowest = self.canvas.height - 0.4 * TEXT.line  # further down are the words of ticks
-        moved = _spread_labels(ends, gap=TEXT.line / self._name_columns, lowest=lowest)
+        highest = -0.4 * TEXT.line
+        lowest = highest + self.canvas.height  # further down are the words of ticks
+        moved = _spread_labels(ends, gap=TEXT.line / self._name_columns, highest=highest, lowest=lowest)
         longest = text_width(max(self.names, key=len))
         order = np.argsort(np.argsort(moved, kind="stable"), kind="stable")
         column = order % self._name_columns
@@ -219,17 +225,18 @@ def _finite_points(instants: Times, curve: Times) -> np.ndarray:
     return finite
 
 
-def _spread_labels(places: Sequence[float], *, gap: float, lowest: float = np.inf) -> list[float]:
-    """Return `places` moved until neighbours have at least a distance of `gap`, about the same middle.
+def _spread_labels(
+    places: Sequence[float], *, gap: float, highest: float = -np.inf, lowest: float = np.inf
+) -> list[float]:
+    """Return `places` moved by the smallest squares that leave neighbours at least a distance of `gap`, in their order.
 
-    None is further down than ``lowest``.
+    So those that crowd each other lie about the same middle as before, and others stay. None is further up than
+    ``highest`` where that leaves enough room, none further down than ``lowest``.
     """
-    order = np.argsort(places, kind="stable")
-    moved = np.array(places, dtype=float)
-    for above, below in pairwise(order):
-        moved[below] = max(moved[below], moved[above] + gap)
-    moved -= (moved - np.array(places)).max() / 2
-    moved[order[-1:]] = np.minimum(moved[order[-1:]], lowest)
-    for below, above in pairwise(order[::-1]):
-        moved[above] = min(moved[above], moved[below] - gap)
+    from scipy.optimize import isotonic_regression  # here: it takes its time
+
+    order, steps = np.argsort(places, kind="stable"), gap * np.arange(len(places))
+    offsets = isotonic_regression(np.array(places, dtype=float)[order] - steps).x
+    moved = np.zeros(len(places))
+    moved[order] = np.minimum(np.maximum(offsets, highest), lowest - steps[-1]) + steps
     return list(moved)
