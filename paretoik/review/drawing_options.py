@@ -79,7 +79,7 @@ class MarkSizes:
     leave ``dot_margin`` of their range free on either side, so that none is cut. The chosen arm is ``solid_arm`` wide,
     those of best points are ``arms``, so that each is seen on the one before where they coincide; in space, where thin
     lines would hide in wide ones, ``spatial_arms``. A start of a plan has the radius ``start``; beyond the axes it is a
-    dash of ``edge_dash`` at their edge.
+    dash of ``edge_dash`` at their edge. On either side of a level ``band_margin`` are free of starts.
     """
 
     end: float = 5.2
@@ -103,6 +103,7 @@ class MarkSizes:
     start: float = 3.0
     edge_dash: float = 9.0
     dot_margin: float = 0.02
+    band_margin: float = 9.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -26,7 +26,8 @@ BEST = "best"  # name of the best point
 class PlanPanel:
     """A band a level with its starts beside each other in the order of the search, and one of the final ``optima``.
 
-    Across, a band is one wide. What is too far off is drawn as dashes at the edge.
+    Across, a band is one wide, and what it holds stands off its borders. What is too far off is drawn as dashes at the
+    edge.
     """
 
     scene: PlannedScene
@@ -112,9 +113,7 @@ class PlanPanel:
     @cached_property
     def across(self) -> Values:
         """Where all starts stand (starts,): in the band of their level."""
-        bands = [
-            place + (np.arange(len(level.starts)) + 0.5) / len(level.starts) for place, level in enumerate(self.levels)
-        ]
+        bands = [self._across_band(place, len(level.starts)) for place, level in enumerate(self.levels)]
         return np.concatenate([np.zeros(0), *bands])
 
     @cached_property
@@ -158,7 +157,13 @@ class PlanPanel:
     @property
     def _places(self) -> Values:
         """Where the final optima stand across."""
-        return len(self.levels) + (np.arange(len(self._final)) + 0.5) / max(len(self._final), 1)
+        return self._across_band(len(self.levels), len(self._final))
+
+    def _across_band(self, place: int, count: int) -> Values:
+        """Return where so many marks stand in the band at a place, whole ones, none on a border by half."""
+        margin = min(MARKS.band_margin * self._end / self.canvas.width, 0.25)
+        shares = (np.arange(count) + 0.5) / max(count, 1)
+        return np.asarray(place + margin + (1.0 - 2.0 * margin) * shares)
 
     def _first(self, count: int) -> int:
         """Return the row of the first start of the level that the last of so many starts belongs to."""
