@@ -15,7 +15,7 @@ from jaxtyping import Float
 from paretoik.review.drawing.arm_meshes import ArmMeshes, find_meshes
 from paretoik.review.drawing.drawn_axes import Canvas, equal_window, labels
 from paretoik.review.drawing.ground import Ground
-from paretoik.review.drawing.label_places import label_place
+from paretoik.review.drawing.label_places import separate_label_places
 from paretoik.review.drawing.link_hulls import LinkHulls
 from paretoik.review.drawing.obstacle_drawing import bodies, extent, hatch
 from paretoik.review.drawing.screen_text import screen_text
@@ -230,25 +230,22 @@ class ArmDrawing:
             start, ends = next(iter(cell.places.values())), self._arrow_ends
             arrows = self.strips([np.array([start, end]) for end in ends], SCREEN.target, 1.6, 1.0)
             recording.log(f"{self.entity}/directions/lines", arrows, static=True)
-            numbers = [f"direction {number + 1}" for number in range(len(ends))]
             heads = self.points(ends, SCREEN.target, 3.0, 1.0)
             recording.log(f"{self.entity}/directions/heads", heads, static=True)
-            recording.log(f"{self.entity}/directions/heads/names", self._names(numbers, ends), static=True)
+            recording.log(f"{self.entity}/directions/heads/names", self._names(self._arrow_names, ends), static=True)
 
     def _names(self, names: Sequence[str], places: Float[np.ndarray, "names 3"]) -> Any:
-        """Return the names of places [m], in the plane off the arms and arrows."""
+        """Return the names of places [m], in the plane off the arms, the arrows and all names before them."""
         if not self.planar:
             return self.points(places, SCREEN.target, 0.0, 1.0, labels=names, show_labels=True)
-        starts = next(iter(self.workcell.places.values()))
+        start, *_ = named = list(self.workcell.places.values())
         shares = np.linspace(0.0, 1.0, 12)[:, None, None]
-        arrows = (starts + shares * (self._arrow_ends - starts)).reshape(-1, 3)
+        arrows = (start + shares * (self._arrow_ends - start)).reshape(-1, 3)
         links = self.nodes[:-1] + shares * np.diff(self.nodes, axis=0)  # of one posture after the other
         others = self.place(np.concatenate([links.reshape(-1, 3), arrows]))
-        at = [
-            label_place(self._canvas, place, name, others)
-            for name, place in zip(names, self.place(places), strict=True)
-        ]
-        return labels(names, np.array(at), SCREEN.target)
+        words, marks = [*self.workcell.places, *self._arrow_names], self.place(np.array([*named, *self._arrow_ends]))
+        middles = separate_label_places(self._canvas, marks, words, others)
+        return labels(names, middles[[words.index(name) for name in names]], SCREEN.target)
 
     def _targets(self) -> Any:
         """Return the paths to follow: below what the tool does a wide line, in space beads on its string.
@@ -267,6 +264,10 @@ class ArmDrawing:
         cell = self.workcell
         start = next(iter(cell.places.values()), np.zeros(3))
         return np.asarray(start + 0.3 * float(np.ptp(self.nodes, axis=0).max()) * cell.directions)
+
+    @property
+    def _arrow_names(self) -> list[str]:
+        return [f"direction {number + 1}" for number in range(len(self.workcell.directions))]
 
     @cached_property
     def _extent(self) -> np.ndarray:

@@ -102,7 +102,8 @@ class Chart:
         dotted = [strip if self.dots or len(strip) == 1 else strip[:0] for strip in strips]
         colours = [colour for colour, strip in zip(self.colours, dotted, strict=True) for _ in strip]
         radius = rr.Radius.ui_points(2.2 if max(map(len, dotted)) > MARKS.many_dots else 3.2)
-        return rr.Points2D(np.concatenate(dotted), colors=colours, radii=radius, draw_order=1.0)
+        order = 1.0 if self.dots else 3.0  # a dot alone is seen on the cursor
+        return rr.Points2D(np.concatenate(dotted), colors=colours, radii=radius, draw_order=order)
 
     def log_cursor(self, recording: rr.RecordingStream, instant: float) -> None:
         """Let a line stand at an instant, at the current time."""

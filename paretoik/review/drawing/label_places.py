@@ -37,10 +37,22 @@ def label_place(
     It lies within the frame wherever that has room.
     """
     half = half_size(words)
-    distances = tuple(MARKS.clearance + (step - 1.0) * TEXT.line for step in MARKS.label_steps)
+    height = 2.0 * float(half[1]) + MARKS.label_gap
+    distances = tuple(MARKS.clearance + (step - 1.0) * height for step in MARKS.label_steps)
     middles = places_beside(mark, half, distances)
     covered = count_covered(middles, half, others, gap=MARKS.label_gap)
     return np.asarray(middles[(covered + MARKS.outside * ~_is_inside(canvas, middles, half)).argmin()])
+
+
+def separate_label_places(
+    canvas: Canvas, marks: Float[np.ndarray, "marks 2"], words: Sequence[str], others: Float[np.ndarray, "others 2"]
+) -> Float[np.ndarray, "marks 2"]:
+    """Return the middles of the labels of ``marks`` [pixels] off ``others``, each off the labels before it, too."""
+    middles = np.zeros((len(marks), 2))
+    for row, mark in enumerate(marks):
+        middles[row] = label_place(canvas, mark, words[row], others)
+        others = np.concatenate([others, label_area(middles[row], words[row])])
+    return middles
 
 
 def joined_label_place(

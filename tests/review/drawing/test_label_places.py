@@ -11,7 +11,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from paretoik.review.drawing.drawn_axes import TEXT, Canvas
-from paretoik.review.drawing.label_places import joined_label, joined_label_place, label_place, line_points
+from paretoik.review.drawing.label_places import (
+    joined_label,
+    joined_label_place,
+    label_place,
+    line_points,
+    separate_label_places,
+)
 from paretoik.review.drawing.label_sizes import half_size, plate_half
 from paretoik.review.drawing.panel_marks import log_ends, ring_radii
 from paretoik.review.drawing.search_layers import LAYERS
@@ -49,6 +55,19 @@ def test_a_joined_label_stands_on_nothing_even_where_dots_fill_the_frame(mark, s
     assert not (np.abs(crowd - at) < half).all(axis=1).any()
     assert at[0] - half[0] >= crowded.upper_label_end  # nor on what the axis upwards is called
     assert at[0] + half[0] <= 500 + side_room
+
+
+@given(st.lists(places, min_size=2, max_size=3), st.lists(places, max_size=4))
+def test_labels_of_marks_in_one_place_cover_neither_each_other_nor_leave_the_frame(marks, others):
+    words = ["position", "direction 1", "direction 2"][: len(marks)]
+    marks, others = np.array([marks[0], *marks[:-1]]), np.array(others).reshape(-1, 2)
+    middles = separate_label_places(CANVAS, marks, words, others)
+    for row, word in enumerate(words):
+        assert (middles[row] >= plate_half(word)).all()
+        assert (middles[row] <= np.array([500.0, 390.0]) - plate_half(word)).all()
+        for other in range(row):
+            distance = np.abs(middles[row] - middles[other])
+            assert (distance >= plate_half(word) + plate_half(words[other])).any()
 
 
 @given(places, st.lists(places, max_size=200))
