@@ -73,9 +73,9 @@ def begin_compilation() -> None:
 
 def end_compilation() -> None:
     """Let the clock go on, if a compilation is under way."""
-    since, _TIME.since = _TIME.since, None
-    if since is not None:
-        _TIME.seconds += time.monotonic() - since
+    if _TIME.since is not None:
+        _TIME.seconds += time.monotonic() - _TIME.since  # first: another thread may read the clock between the lines
+        _TIME.since = None
 
 
 def computing_clock() -> float:

@@ -147,6 +147,21 @@ def test_the_computing_clock_stands_still_while_code_is_compiled(clock):
         assert computing_clock() - started == computed
 
 
+def test_the_computing_clock_never_counts_a_compilation_that_is_just_ending(clock, monkeypatch):
+    started, readings, monotonic = computing_clock(), [], clock.monotonic
+
+    def read_meanwhile() -> float:  # as another thread may
+        monkeypatch.setattr(clock, "monotonic", monotonic)
+        readings.append(computing_clock())
+        return monotonic()
+
+    begin_compilation()
+    clock.now += 10.0
+    monkeypatch.setattr(clock, "monotonic", read_meanwhile)
+    end_compilation()
+    assert [*readings, computing_clock()] == [started, started]
+
+
 def test_compiling_code_is_not_counted(clock):
     with time_limit(0.2) as limit:
         begin_compilation()
