@@ -9,6 +9,7 @@ import numpy as np
 from paretoik.api.certificate_time import seconds_per_certificate, stages_after, tightening_share
 from paretoik.api.progress import RunProgress, count_observer
 from paretoik.api.run_session import RunSession
+from paretoik.api.sweep_words import phase_text
 from paretoik.api.time_left import sweep_time_left
 from paretoik.formulations.protocol import Differentiable
 from paretoik.front.front import Front
@@ -137,7 +138,9 @@ class SweepDisplay:
                 total=progress.total,
                 seconds=seconds,
                 remaining=remaining,
-                summary=", ".join(filter(None, [self._hypervolume.summary(self._steps - 1), progress.improving])),
+                summary=", ".join(
+                    filter(None, [self._hypervolume.summary(self._steps - 1), phase_text(progress.phase)])
+                ),
                 generation=generation,
                 following=stages_after(self._formulation),
             )
