@@ -118,7 +118,7 @@ def _check_plane(arm: Arm, task: Task) -> None:
     if abs(normal[2]) < OPTIONS.tilt_tolerance:
         raise InvalidInput(
             f"path: an arm in a plane that is not vertical wanted, as x and y lead it, got {arm.name} in one with the "
-            f"normal ({_coordinates(normal)})"
+            f"normal ({_coordinates(normal)}); a level one with mounted(gravity=(0, -9.81, 0)) weighs the same"
         )
     path, points = task.path, task.path.positions
     if task.axes is not None or points.shape[1] == 2:
