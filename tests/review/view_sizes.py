@@ -53,6 +53,29 @@ def _measure(parts: dict[str, dict[str, Any]], name: str, size: np.ndarray, scal
         _measure(parts, child, inner, scales, titled=False)
 
 
+def tabs_of_charts(file: Path) -> dict[str, tuple[str, Any, int]]:
+    """Return the name of each flat view that is a tab, its bounds, and how many rows of tabs are above it in a column.
+
+    By their origins, as the layout that a recording opens with has them.
+    """
+    parts = _blueprint(file)
+    parents = {
+        child: parts[name] | {"name": name}
+        for name, part in parts.items()
+        for child in part.get("ContainerBlueprint:contents") or ()
+    }
+    tabs: dict[str, tuple[str, Any, int]] = {}
+    for name, part in parts.items():
+        rows, parent = 0, parents.get(name)
+        while parent is not None and parent["ContainerBlueprint:container_kind"] == [TABS]:
+            rows, parent = rows + 1, parents.get(parent["name"])
+        if rows and f"{name}/VisualBounds2D" in parts:
+            (bounds,) = parts[f"{name}/VisualBounds2D"]["VisualBounds2D:range"]
+            origin = "/" + part["ViewBlueprint:space_origin"][0].strip("/")
+            tabs[origin] = part["ViewBlueprint:display_name"][0], bounds, rows
+    return tabs
+
+
 def _blueprint(file: Path) -> dict[str, dict[str, Any]]:
     """Return the components of each entity of the last layout, as they stand at its end."""
     reader = rr.chunk.RrdReader(file)

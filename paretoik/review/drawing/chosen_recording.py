@@ -24,12 +24,11 @@ from paretoik.formulations.protocol import is_loop
 from paretoik.front.choices import chosen
 from paretoik.front.front import Choice, Front
 from paretoik.review.drawing.choice_layer import ChoiceLayer
-from paretoik.review.drawing.recorded_views import ROOTS, RecordedRun, read_recorded
+from paretoik.review.drawing.recorded_views import ROOTS, RecordedRun, layouts_without_choice, read_recorded
 from paretoik.run_files import RECORDING, read_plain_file
 from paretoik.user_warnings import warn_user
 
 BLOCK = 1 << 20  # bytes read from a pipe at once
-ORIGIN = "ViewBlueprint:space_origin"  # a component of layouts
 
 
 class RecordedLayout(rrb.Blueprint):
@@ -83,11 +82,10 @@ def recording_with_choice(
     recorded = read_recorded(recording)
     reader = rr.chunk.RrdReader(recording)
     (store,) = reader.recordings()
-    layouts = [each for each in reader.blueprints() if not _shows_choice(reader, each)]
     content = bytearray()
     with _stream_into(content, recorded) as stream:
         stream.send_chunks(reader.stream(store=store).drop(content=[f"/{root}/**" for root in ROOTS]))
-        for layout in layouts[:1]:
+        for layout in layouts_without_choice(reader)[:1]:
             opens = choice is None
             stream.send_blueprint(RecordedLayout(reader.stream(store=layout)), make_active=opens, make_default=opens)
         if choice is not None:
@@ -120,17 +118,6 @@ def _stream_into(content: bytearray, recorded: RecordedRun) -> Iterator[rr.Recor
         os.close(sink)
         reader.join()
         os.close(source)
-
-
-def _shows_choice(reader: rr.chunk.RrdReader, layout: rr.chunk.StoreEntry) -> bool:
-    """Say whether a layout has a view of a choice."""
-    for chunk in reader.stream(store=layout):
-        batch = chunk.to_record_batch()
-        if ORIGIN in batch.schema.names:
-            origins = (origin for row in batch.column(ORIGIN).to_pylist() for origin in row or ())
-            if any(origin.strip("/").split("/")[0] in ROOTS for origin in origins):
-                return True
-    return False
 
 
 def _read_whole(recording: Path) -> RecordedRun:

@@ -41,8 +41,8 @@ class Chart:
     """Named curves over instants, drawn at ``entity`` on axes that hold all of ``shown`` and the limits that are near.
 
     ``shown`` are (points, 2), what will ever be drawn; values that are not finite are left out. Values that are nothing
-    beside limits and the ``usual`` ones are 0: axes then hold all limits, or usual values. With ``dots`` instants have
-    no order, and no lines join them.
+    beside limits and the ``usual`` ones are 0: axes then hold all limits, and usual values where no limit differs from
+    0. With ``dots`` instants have no order, and no lines join them.
     """
 
     entity: str
@@ -133,14 +133,17 @@ class Chart:
         return Canvas(low=low, high=high, labels=self.labels, width=width, height=height)
 
     def _with_limits(self, points: np.ndarray) -> np.ndarray:
-        """Return points and those of limits that are not too far from them; of values that are 0 all limits."""
+        """Return points and those of limits that are not too far from them.
+
+        Of values that are 0 all limits, and the usual values where no limit differs from 0.
+        """
         low, high = points[:, 1].min(), points[:, 1].max()
         size, limits = max(abs(low), abs(high)), self._limit_values
         if size > DRAWING.rounding * np.abs(limits).max(initial=self.usual):
             reach = DRAWING.limit_distance * max(high - low, 0.2 * size)
             limits = limits[(limits >= low - reach) & (limits <= high + reach)]
-        elif not len(limits):
-            limits = np.array([-1.0, 1.0]) * (self.usual or 1.0)
+        elif not (np.abs(limits) > DRAWING.rounding * self.usual).any():
+            limits = np.append(limits, np.array([-1.0, 1.0]) * (self.usual or 1.0))
         values = np.concatenate([points[:, 1], limits])
         return np.stack([np.resize(points[:, 0], len(values)), values], axis=1)
 

@@ -205,12 +205,14 @@ def window(points: np.ndarray, *, margin: float = 0.06) -> tuple[Values, Values]
 def axis_ranges(low: Values, high: Values) -> Values:
     """Return the ranges of axes from `low` to `high`: of values that do not change a tenth of them, of zeros 1.
 
-    >>> axis_ranges(np.array([2.0, 5.0, 0.0]), np.array([3.0, 5.0, 0.0])).tolist()
-    [1.0, 0.5, 1.0]
+    Values so small that their differences are subnormal count as zeros: nothing can be placed between them.
+
+    >>> axis_ranges(np.array([2.0, 5.0, 0.0, 2e-200]), np.array([3.0, 5.0, 0.0, 3e-200])).tolist()
+    [1.0, 0.5, 1.0, 1e-200]
     """
-    size = np.maximum(np.abs(low), np.abs(high))
-    ranges: Values = np.where(high - low > 1e-9 * size, high - low, np.where(size > 1e-30, 0.1 * size, 1.0))
-    return ranges
+    size, precision = np.maximum(np.abs(low), np.abs(high)), np.finfo(np.float64)
+    ranges = np.where(high - low > 1e-9 * size, high - low, 0.1 * size)
+    return np.asarray(np.where(size > precision.tiny / precision.eps, ranges, 1.0))
 
 
 def equal_window(points: np.ndarray, *, width: float, height: float) -> tuple[Values, Values]:

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from typing import TypeAlias
 
 import rerun.blueprint as rrb
 
 from paretoik.review.drawing_options import VIEWS
+
+Group: TypeAlias = tuple[str, list[int]]  # the name of a tab, and the numbers of its views
 
 
 def fitting_tabs(views: Sequence[rrb.View], width: float) -> rrb.Tabs:
@@ -32,9 +35,6 @@ def nested_tabs(names: Sequence[str], width: float) -> list[bool]:
     """Say which views of these names become tabs of a tab in a column so many pixels wide, below two rows of names."""
     nested = {number for _, members in _arrange(names, width)[1] if len(members) > 1 for number in members}
     return [number in nested for number in range(len(names))]
-
-
-Group = tuple[str, list[int]]  # the name of a tab, and the numbers of its views
 
 
 def _arrange(names: Sequence[str], width: float) -> tuple[list[str], list[Group]]:

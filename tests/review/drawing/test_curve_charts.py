@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from paretoik.review.drawing.curve_charts import Chart, LimitLine, fit_below_tabs
@@ -39,18 +39,24 @@ def ends(drawn: Chart) -> tuple[float, float]:
     return float(drawn.canvas.low[1]), float(drawn.canvas.high[1])
 
 
+def numbers(largest):
+    """Numbers of either sign, 0 among them, of which a fraction of 1e-30 is a normal number still, in every unit."""
+    return st.floats(-largest, largest, allow_subnormal=False).filter(lambda number: not 0.0 < abs(number) < 1e-250)
+
+
 @given(
-    st.lists(st.floats(-3.0, 3.0), min_size=5, max_size=5),
-    st.lists(st.floats(-20.0, 20.0), max_size=3),
+    st.lists(numbers(3.0), min_size=5, max_size=5),
+    st.lists(numbers(20.0), max_size=3),
     st.sampled_from([0.0, 1.0, 40.0]),
     st.integers(-20, 20),
 )
+@example([0.0] * 5, [0.0], 40.0, 1)
+@example([1e-29] * 5, [], 0.0, -20)
 def test_axes_are_the_same_in_every_unit(values, limits, usual, power):
     unit = 2.0**power  # exact, so that no case is decided by rounding
     values, limits = np.array(values), np.array(limits)
+    assume(np.any(values) or np.any(limits) or usual)  # zeros alone have no size to draw them by
     low, high = ends(chart(values, limits, usual))
-    if max(np.abs(values).max(), np.abs(limits).max(initial=usual)) in (0.0, np.abs(values).min()):
-        return  # nothing but one value has no size to draw it by
     np.testing.assert_allclose(ends(chart(unit * values, unit * limits, unit * usual)), (unit * low, unit * high))
 
 
@@ -60,6 +66,21 @@ def test_rounding_is_drawn_as_zero_between_all_limits(values, limits):
     low, high = ends(chart(np.array(values), both, usual=1.0))
     np.testing.assert_allclose((low, high), ends(chart(np.zeros(5), both, usual=1.0)))
     assert low <= -max(limits, default=1.0) < max(limits, default=1.0) <= high
+
+
+@pytest.mark.parametrize("limits", [[], [0.0], [0.0, -0.0], [1e-14]])
+@pytest.mark.parametrize("usual", [1.0, 40.0])
+def test_zeros_whose_limits_are_0_are_drawn_among_usual_values(limits, usual):
+    assert ends(chart(np.zeros(5), limits, usual)) == pytest.approx((-1.12 * usual, 1.12 * usual))
+    assert ends(chart(np.full(5, 1e-13), limits, usual)) == pytest.approx((-1.12 * usual, 1.12 * usual))
+
+
+@pytest.mark.parametrize("size", [0.0, 5e-324, 1e-300, 1e-280, 1e-40, 1e40])
+def test_ticks_of_a_chart_are_numbers_whatever_the_size_of_its_values(size):
+    canvas = chart(size * np.array([0.0, 1.0, 0.5, 1.0, 0.0])).canvas
+    words, places = canvas._labels(*canvas._ticks())
+    assert np.isfinite(places).all()
+    assert len(words) > 5
 
 
 @pytest.mark.parametrize("arm", [marcos_nr(3), tringali_3r()], ids=["without masses", "with masses"])
