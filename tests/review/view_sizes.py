@@ -20,7 +20,7 @@ LETTERS = 0.9  # height of words, of their line
 
 def view_scales(file: Path) -> dict[str, float]:
     """Return how many pixels a unit of each flat view is, by its origin, as the layout that it opens with has them."""
-    parts = _blueprint(file)
+    parts = layout_parts(file)
     (root,) = parts["viewport"]["ViewportBlueprint:root_container"]
     scales: dict[str, float] = {}
     _measure(parts, f"container/{UUID(bytes=bytes(root))}", np.array([VIEWS.width, VIEWS.body]), scales, titled=False)
@@ -58,7 +58,7 @@ def tabs_of_charts(file: Path) -> dict[str, tuple[str, Any, int]]:
 
     By their origins, as the layout that a recording opens with has them.
     """
-    parts = _blueprint(file)
+    parts = layout_parts(file)
     parents = {
         child: parts[name] | {"name": name}
         for name, part in parts.items()
@@ -76,7 +76,7 @@ def tabs_of_charts(file: Path) -> dict[str, tuple[str, Any, int]]:
     return tabs
 
 
-def _blueprint(file: Path) -> dict[str, dict[str, Any]]:
+def layout_parts(file: Path) -> dict[str, dict[str, Any]]:
     """Return the components of each entity of the last layout, as they stand at its end."""
     reader = rr.chunk.RrdReader(file)
     parts: dict[str, dict[str, Any]] = {}
