@@ -105,9 +105,10 @@ def layouts_without_choice(reader: rr.chunk.RrdReader) -> list[rr.chunk.StoreEnt
 def _timelines(chunk: rr.chunk.Chunk, former: dict[str, RecordedTimeline]) -> dict[str, RecordedTimeline]:
     """Return the timelines of a chunk, from where they begin in it or before."""
     names = [name for name in chunk.timeline_names if name not in OF_RERUN]
-    batch = chunk.to_record_batch() if names else None
-    timelines: dict[str, RecordedTimeline] = {}
-    for name in names if batch is not None and batch.num_rows else ():
+    if not names or chunk.is_empty:
+        return {}
+    batch, timelines = chunk.to_record_batch(), dict[str, RecordedTimeline]()
+    for name in names:
         column = batch.column(name)
         begin = int(column.cast("int64").to_numpy().min())
         begin = min(begin, former[name].begin) if name in former else begin

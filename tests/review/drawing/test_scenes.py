@@ -265,6 +265,25 @@ def test_nothing_that_runs_inside_links_or_along_a_path_is_hidden_by_them(run):
         assert "● its links" in static_words(entities["/legend/words"])
 
 
+def test_the_arm_of_the_compromise_is_drawn_on_those_of_the_best_points(run):
+    name, front, file = run
+    if name == "spatial":
+        return  # there what is nearer is on top
+    entities = read(file)
+    parts = [f"/arm/best\\ {objective}" for objective in front.names]
+    best = [static_values(entities[f"{part}/{each}"], "draw_order") for part in parts for each in ("links", "joints")]
+    chosen = [static_values(entities[f"/arm/chosen/{each}"], "draw_order") for each in ("links", "joints")]
+    assert min(map(float, chosen)) > max(map(float, best))
+
+
+def test_the_legend_says_whose_postures_are_behind_an_arm_that_stands_still(run):
+    name, _, file = run
+    entities = read(file)
+    words = set(static_words(entities["/legend/words"]))
+    assert ("● postures of the final front" in words) == (name == "directions") == ("/arm/postures" in entities)
+    assert not any("other postures" in word for word in words)
+
+
 def test_words_of_axes_and_places_lie_off_the_lines_that_they_name(run):
     name, front, file = run
     entities = read(file)
@@ -378,8 +397,8 @@ def test_a_closed_loop_opens_on_the_step_whose_search_was_recorded(tmp_path):
     notes = rows(entities[r"/front/joint_displacement\ -\ position_error/note"], "step", "labels")
     assert notes[0].tolist() == ["no front before step 1"]
     assert not touching_words(file)
-    numbers = static_words(entities["/joint_charts/torque/labels"])
-    assert {"-1", "0", "1"} <= set(numbers), "an arm without masses has no torque"
+    charts = {path.split("/")[2] for path in entities if path.startswith("/joint_charts/")}
+    assert charts == {"position", "velocity"}, "an arm without masses has no torque"
     assert not len(notes.get(1, ()))
     words = rows(entities["/text"], "step", "text")
     assert str(words[0][0]).startswith("# Step 0\n\nThe arm stands where it begins")
