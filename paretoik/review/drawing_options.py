@@ -109,12 +109,11 @@ class SceneOptions:
 
     ``arrow`` is how long the arrow of a direction is, of the arm's extent, ``cross`` how far the mark reaches of where
     a tool is to be; ``bead_gap`` how far beads of a path are apart, of the scene's; a link shorter than ``shortest`` of
-    the longest joins joints in one place, and is none. The
-    ground sign turns where the cosine between it and a link is above ``covered``: the link would lie over it. The
-    grid of the ground has about so many lines a side, ``grid``; of more than ``ground_ticks`` every second has its
-    words, which are not to touch far from the eye. A scene in space is seen from the direction of ``eye``,
-    so near that all is in sight with a ``label_margin`` [pixels] on either side, across and upwards. The viewer's
-    ``field_of_view`` [degrees] upwards was measured in a picture of it.
+    the longest joins joints in one place, and is none. The ground sign turns where the cosine between it and a link is
+    above ``covered``: the link would lie over it. The grid of the ground has about so many lines a side, ``grid``; of
+    more than ``ground_ticks`` every second has its words, which are not to touch far from the eye. A scene in space is
+    seen from the direction of ``eye``, so near that all is in sight with a ``label_margin`` [pixels] on either side,
+    across and upwards. The viewer's ``field_of_view`` [degrees] upwards was measured in a picture of it.
     """
 
     arrow: float = 0.25
