@@ -94,8 +94,8 @@ class MarkSizes:
     line: float = 2.4
     dash: float = 7.0
     many_dots: int = 40
-    solid_arm: float = 2.4
-    arms: tuple[float, ...] = (4.5, 3.8, 3.1)
+    solid_arm: float = 2.3
+    arms: tuple[float, ...] = (4.1, 3.5, 2.9)
     spatial_arms: tuple[float, float] = (3.2, 1.6)
     start: float = 3.0
     edge_dash: float = 9.0
