@@ -11,6 +11,7 @@ import numpy as np
 import rerun as rr
 
 from paretoik.review.drawing.drawn_axes import TEXT, text_width
+from paretoik.review.drawing.recorded_views import ROOTS
 from paretoik.review.drawing_options import VIEWS
 from tests.review.reading import read, static_values, static_words
 
@@ -77,16 +78,30 @@ def tabs_of_charts(file: Path) -> dict[str, tuple[str, Any, int]]:
 
 
 def layout_parts(file: Path) -> dict[str, dict[str, Any]]:
-    """Return the components of each entity of the last layout, as they stand at its end."""
+    """Return the components of each entity of the layout that a recording opens with, as they stand at its end.
+
+    Where something was chosen this is that of the choice, wherever in the file the former one is.
+    """
     reader = rr.chunk.RrdReader(file)
+    layouts = [_parts(reader, layout) for layout in reader.blueprints()]
+    (opening,) = [each for each in layouts if _shows_choice(each)] or layouts
+    return opening
+
+
+def _parts(reader: rr.chunk.RrdReader, layout: rr.chunk.StoreEntry) -> dict[str, dict[str, Any]]:
     parts: dict[str, dict[str, Any]] = {}
-    for chunk in reader.stream(store=reader.blueprints()[-1]):
+    for chunk in reader.stream(store=layout):
         batch = chunk.to_record_batch()
         part = parts.setdefault(str(chunk.entity_path).strip("/"), {})
         for name in batch.schema.names:
             if ":" in name:
                 part[name] = batch.column(name).to_pylist()[-1]
     return parts
+
+
+def _shows_choice(parts: dict[str, dict[str, Any]]) -> bool:
+    origins = [part.get("ViewBlueprint:space_origin", [""])[0] for part in parts.values()]
+    return any(origin.strip("/").split("/")[0] in ROOTS for origin in origins)
 
 
 def touching_words(file: Path) -> list[tuple[str, str, str]]:

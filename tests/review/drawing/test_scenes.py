@@ -273,7 +273,7 @@ def test_the_arm_of_the_compromise_is_drawn_on_those_of_the_best_points(run):
     parts = [f"/arm/best\\ {objective}" for objective in front.names]
     best = [static_values(entities[f"{part}/{each}"], "draw_order") for part in parts for each in ("links", "joints")]
     chosen = [static_values(entities[f"/arm/chosen/{each}"], "draw_order") for each in ("links", "joints")]
-    assert min(map(float, chosen)) > max(map(float, best))
+    assert np.min(chosen) > np.max(best)
 
 
 def test_the_legend_says_whose_postures_are_behind_an_arm_that_stands_still(run):
@@ -368,7 +368,8 @@ def test_a_choice_stands_on_every_timeline_of_a_recording_whatever_verb_it_is_of
     recorded = read_recorded(file)
     assert recorded.timeline == timeline
     walked = {"point": "sequence"} if len(front) > 1 else {}
-    assert recorded.timelines == {timeline: "sequence", "motion": "duration", "replay": "duration"} | walked
+    kinds = {name: each.kind for name, each in recorded.timelines.items()}
+    assert kinds == {timeline: "sequence", "motion": "duration", "replay": "duration"} | walked
     (tmp_path / "choice.rrd").write_bytes(recording_with_choice(front, front[int(front.ids[0])], recording=file))
     entities = read(tmp_path / "choice.rrd")
     everything = entities | {path: batches for path, batches in read(file).items() if path not in entities}
