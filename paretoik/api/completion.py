@@ -11,6 +11,7 @@ from jaxtyping import Float
 from paretoik.api.certificate_time import LaterStages
 from paretoik.api.progress import Observer, count_observer
 from paretoik.api.refine import refine_front
+from paretoik.api.sweep_words import phase_text
 from paretoik.arrays import Ids, Points
 from paretoik.errors import Infeasible, SolverFailed
 from paretoik.formulations.protocol import Differentiable
@@ -73,7 +74,7 @@ def complete_front(
 
 def _point_observer(observe: Observer | None, following: str) -> ObserveSweep | None:
     show = count_observer(observe, "point", following=following)
-    return None if show is None else lambda progress: show(progress.done, progress.total, progress.improving)
+    return None if show is None else lambda progress: show(progress.done, progress.total, phase_text(progress.phase))
 
 
 def _ids(x: Points, before: Float[np.ndarray, " before *point"], ids: np.ndarray, first_id: int) -> np.ndarray:

@@ -45,8 +45,8 @@ def check_own(folder: Path, reference: object) -> None:
 
     Such a file lies below the current folder, links followed, in no folder of any run, and in no folder below the
     current one that the run is in too: they may have come together. Whoever goes into a folder makes it the current
-    project: a folder of a stranger's is opened from outside. The home folder and those above it are no projects, nor is
-    what lies in a run; modules, which may be anywhere on Python's path, are not loaded for a run.
+    project: open a stranger's folder from outside it. The home folder and those above it are no projects, nor is what
+    lies in a run; modules, which may be anywhere on Python's path, are not loaded for a run.
     """
     text, project = str(reference), Path.cwd().resolve()
     try:

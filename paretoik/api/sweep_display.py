@@ -7,6 +7,7 @@ import numpy as np
 from paretoik.api.certificate_time import LaterStages, seconds_per_certificate
 from paretoik.api.progress import RunProgress, count_observer
 from paretoik.api.run_session import RunSession
+from paretoik.api.sweep_words import phase_text
 from paretoik.api.time_left import sweep_time_left
 from paretoik.compilation_notices import computing_clock
 from paretoik.formulations.protocol import Differentiable
@@ -136,7 +137,9 @@ class SweepDisplay:
                 total=progress.total,
                 seconds=seconds,
                 remaining=remaining,
-                summary=", ".join(filter(None, [self._hypervolume.summary(self._steps - 1), progress.improving])),
+                summary=", ".join(
+                    filter(None, [self._hypervolume.summary(self._steps - 1), phase_text(progress.phase)])
+                ),
                 generation=generation,
                 following=LaterStages.of(self._formulation).text,
             )

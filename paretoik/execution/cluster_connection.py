@@ -62,7 +62,7 @@ def connect(address: str, options: ClusterOptions, tell: Callable[[str], None]) 
     machine may keep it from that; after ``connection`` it is told that it is waited for. Raises InvalidInput where
     nobody listens or none answers, Interrupted soon after a signal.
     """
-    attempt, begin, is_told = _Attempt(address, options), time.monotonic(), False
+    attempt, begin, has_warned = _Attempt(address, options), time.monotonic(), False
     attempt.start()
     try:
         while not attempt.ended.wait(options.interval):
@@ -71,8 +71,8 @@ def connect(address: str, options: ClusterOptions, tell: Callable[[str], None]) 
                 raise Interrupted
             if waited > options.connection + options.patience:
                 raise _refusal(address, f"no answer within {options.patience:g} s from what listens there")
-            if waited > 2 * options.connection and not is_told:
-                is_told = True
+            if waited > 2 * options.connection and not has_warned:
+                has_warned = True
                 tell(f"{slow(address, waited)}; it is waited for, {options.patience:g} s at most")
     except BaseException:
         attempt.abandoned.set()

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise, product
-from typing import TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -22,6 +22,8 @@ from paretoik.pareto.gap_filling import POINT_TOLERANCE, fill_gaps, front_rows, 
 from paretoik.pareto.placement import Gap, Target, best_rows, gap_between, hull_pairs, next_targets
 from paretoik.pareto.scalarisation import main_weights, minimise_weighted
 
+SweepPhase: TypeAlias = Literal["", "gap filling", "jump search", "basin exchange"]
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SweepProgress:
@@ -29,7 +31,9 @@ class SweepProgress:
 
     ``x`` are all points, ``objectives`` (points, n_obj) minimised and not divided by anything, ``front`` the rows that
     no other dominates; ``epsilon`` (n_obj,) are the bounds under which was minimised, inf for what was minimised, None
-    where nothing was bounded. ``improving`` says in words how those that are there are improved, "" before that.
+    where nothing was bounded. ``phase`` is how the front is improved once its points are placed: "gap filling" adds
+    further ones that replace others, "jump search" looks for better branches beside jumps of the front, "basin
+    exchange" tries every point in the basins of its neighbours. It is "" before.
     """
 
     done: int
@@ -38,7 +42,7 @@ class SweepProgress:
     objectives: Float[np.ndarray, "points n_obj"]
     front: Int[np.ndarray, " front"]
     epsilon: Float[np.ndarray, " n_obj"] | None
-    improving: str
+    phase: SweepPhase
 
 
 ObserveSweep: TypeAlias = Callable[[SweepProgress], object]
@@ -63,7 +67,7 @@ class Sweep:
     observe: ObserveSweep | None
     ranges: Float[np.ndarray, " n_obj"]
     epsilon: Float[np.ndarray, " n_obj"] | None = None
-    improving: str = ""
+    phase: SweepPhase = ""
     tried: dict[tuple[int, int], list[int]] = field(default_factory=dict)
     gaps: dict[tuple[int, int], Gap] = field(default_factory=dict)
 
@@ -106,7 +110,7 @@ class Sweep:
                 objectives=self._values * self.ranges,
                 front=front,
                 epsilon=epsilon,
-                improving=self.improving,
+                phase=self.phase,
             )
         )
 
@@ -129,7 +133,7 @@ class Sweep:
             pairs, gaps = self._gaps(rows)
             targets = next_targets(gaps, self._values[rows], self.points)
             if enough := len(rows) >= self.points:
-                self.improving = "better places sought"
+                self.phase = "gap filling"
                 targets = targets[: max(further, 0)]
                 further -= len(targets)
             if not targets:
@@ -148,7 +152,7 @@ class Sweep:
         Where tangents contradict each other from the other side near by, always over the ridges between valleys, with a
         high barrier.
         """
-        self.improving, jumps = "jumps searched", list[tuple[int, list[Level]]]()
+        self.phase, jumps = "jump search", list[tuple[int, list[Level]]]()
         for pair in (list(pair) for pair in pairwise(self.spread().tolist())):
             gap = gap_between(self._values[pair], self.weights[pair])
             if not (gap.contradicts or gap.is_concave):
@@ -251,7 +255,7 @@ class Sweep:
 
         Where there are many valleys, a neighbour that came later may lie in a better one.
         """
-        options, self.improving = OPTIONS.warm._replace(iterations=OPTIONS.basin_iterations), "neighbours' basins tried"
+        options, self.phase = OPTIONS.warm._replace(iterations=OPTIONS.basin_iterations), "basin exchange"
         tried = np.zeros((0, 2), dtype=int)
         for _ in range(OPTIONS.rounds):
             pairs = self._neighbours()

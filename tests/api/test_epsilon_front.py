@@ -13,6 +13,9 @@ def test_points_are_shown_as_they_come_and_all_are_certified(problem):
     points = [progress for progress in seen if progress.stage == "point"]
     assert {progress.total for progress in points} == {5}
     assert points[-1].done >= len(front) >= 4
+    words = [progress.summary.partition(", ")[2] for progress in points]
+    assert list(dict.fromkeys(words)) == ["", "better places sought", "jumps searched"]
+    assert all(progress.done == 5 for progress, word in zip(points, words, strict=True) if word)
     assert (seen[-1].stage, seen[-1].done) == ("certification", len(front))
     assert front.certificates.kkt_residual.max() <= 1e-6
     assert front.provenance["settings"] == {

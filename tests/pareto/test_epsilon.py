@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import groupby
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ import paretoik as pk
 from paretoik.errors import InvalidInput, SolverFailed
 from paretoik.pareto import epsilon
 from paretoik.pareto.scalarisation import minimise_weighted
+from paretoik.pareto.sweep import SweepPhase
 from tests.pareto.sketches import scaled, sketched, swept
 
 
@@ -67,6 +70,15 @@ def fonseca(size=1.0):
         return [size * (1 - np.exp(-ahead)), 1 - np.exp(-behind)]
 
     return sketched(2, values, lambda x: ([], [*(4 - one for one in x), *(4 + one for one in x)]))
+
+
+def test_a_sweep_names_the_phases_in_which_it_improves_a_front_that_has_its_points():
+    program, seen = fonseca(), []
+    swept(program, starts(program, 3), points=11, observe=seen.append)
+    phases = [phase for phase, _ in groupby(progress.phase for progress in seen)]
+    assert phases == [phase for phase in get_args(SweepPhase) if phase in phases]
+    assert {"", "jump search", "basin exchange"} <= set(phases)
+    assert {progress.done for progress in seen if progress.phase} == {11}
 
 
 @pytest.mark.parametrize("size", [1.0, 1e3])
