@@ -38,13 +38,15 @@ class InvalidInput(ParetoikError, ValueError):  # noqa: N818  the name says what
 
 
 class InvalidRobot(InvalidInput):
-    """A robot description with faults, all of them listed in ``faults``."""
+    """A robot description with faults, all of them listed in ``faults``, the first ``listed`` in the message."""
 
-    def __init__(self, source: str, faults: Sequence[str]) -> None:
+    def __init__(self, source: str, faults: Sequence[str], *, listed: int = 100) -> None:
         self.source = source
         self.faults = tuple(faults)
         count = "1 fault" if len(self.faults) == 1 else f"{len(self.faults)} faults"
-        super().__init__(f"{source}: a robot without faults wanted, got {count}: " + "; ".join(self.faults))
+        more = [f"and {len(self.faults) - listed} more"] if len(self.faults) > listed else []
+        text = "; ".join([*self.faults[:listed], *more])
+        super().__init__(f"{source}: a robot without faults wanted, got {count}: {text}")
 
 
 class OutOfReach(InvalidInput):

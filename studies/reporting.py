@@ -1,4 +1,4 @@
-"""What all studies share: arguments, progress, rows of a table and their JSON, figures, p-values of several tests."""
+"""What all studies share: arguments, progress, rows of a table and their JSON, figures."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from functools import cache
 from pathlib import Path
 
 import matplotlib
-import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from rich.console import Console
@@ -113,12 +112,3 @@ def drawing(file: Path, size: tuple[float, float]) -> Iterator[Figure]:
         figure = Figure(figsize=size, dpi=125, layout=ConstrainedLayoutEngine(w_pad=0.08, h_pad=0.08))
         yield figure
         figure.savefig(file)
-
-
-def holm(p: Sequence[float]) -> np.ndarray:
-    """Return p-values of several tests, corrected for their number. Source: Holm 1979."""
-    corrected, highest = np.empty(len(p)), 0.0
-    for place, index in enumerate(np.argsort(p)):
-        highest = max(highest, min(1.0, p[index] * (len(p) - place)))
-        corrected[index] = highest
-    return corrected

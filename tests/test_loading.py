@@ -129,7 +129,7 @@ def test_objects_that_have_every_attribute_are_no_problems_and_do_not_keep_other
     place = file("mocking.py", "from unittest.mock import call\n\ndef reach():\n    return 3\n")
     assert problems_in(place) == {}
     assert unannotated_in(place) == ["reach"]
-    with pytest.raises(InvalidInput, match="has, perhaps reach .*got 'raech'; did you mean 'reach'"):
+    with pytest.raises(InvalidInput, match=r"has, perhaps reach .*got 'raech'; did you mean 'reach'"):
         load_problem(f"{place}:raech")
 
 

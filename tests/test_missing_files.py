@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from hashlib import sha256
 from pathlib import Path
 
 import pytest
@@ -51,6 +52,10 @@ def test_of_a_relative_path_the_folder_is_named_that_it_starts_from(folder, monk
 
 
 def test_of_a_folder_with_very_many_files_some_are_looked_at(tmp_path):
-    for number in range(OPTIONS.entries + 10):
-        (tmp_path / f"{number}.csv").touch()
-    assert missing_file(tmp_path / "arm.urdf") == "no such file"
+    count = min(OPTIONS.entries, 5000)
+    for number in range(count + 1):
+        (tmp_path / sha256(b"%d" % number).hexdigest()).touch()  # no name is like another
+    with os.scandir(tmp_path) as entries:
+        names = [entry.name for entry in entries]
+    assert missing_file(tmp_path / f"{names[count - 1]}.urdf").endswith(f"did you mean '{names[count - 1]}'?")
+    assert missing_file(tmp_path / f"{names[count]}.urdf") == "no such file"

@@ -19,9 +19,10 @@ def check_robot(
     tip: Annotated[str | None, typer.Option(help="Last link of the chain (the only leaf).")] = None,
     as_json: JsonFlag = False,
 ) -> None:
-    """List every fault of a URDF file, and the arm that paretoik would make of it.
+    """List the faults of a URDF file, and the arm that paretoik would make of it.
 
-    Warnings that are alike are one, with the first names; --json has them all.
+    Warnings that are alike are one, with the first names, and of very many lines the first are printed; --json has
+    every fault and every warning.
     """
     from paretoik.robot.urdf import check_robot as check
     from paretoik.robot.urdf import report_text

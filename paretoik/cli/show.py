@@ -44,7 +44,7 @@ def _contents(run: Path) -> str:
         return missing_file(run / RECORDING)
     holds = read_run(run / RUN).get("holds") if is_run(run / RUN) else None
     if holds is None:
-        return "none; solve with out= to make one"
+        return "none; solve with --out to make one"
     picture = f"; its picture is {run / DRAWING}" if (run / DRAWING).is_file() else ""
     return f"a run that holds {holds}{picture}"
 

@@ -17,11 +17,9 @@ def certificate_text(certificates: Certificates) -> str:
     """Return how many points have which status, the worst residual and violations, and why some are undetermined."""
     values, counts = np.unique(certificates.status, return_counts=True)
     statuses = ", ".join(f"{count} {status}" for status, count in zip(values, counts, strict=True))
-    worst = (certificates.kkt_residual, certificates.violation, certificates.violation_between)
-    residual, violation, between = (_worst(column) for column in worst)
     lines = [
-        f"certified: {statuses or 'no point'}; criticality {residual}, limits violated by {violation} "
-        f"at the samples and {between} between them"
+        f"certified: {statuses or 'no point'}; criticality {_worst(certificates.kkt_residual) or 'unknown'}, "
+        f"{_violation_text(certificates)}"
     ]
     reasons, counts = np.unique(_kinds_of_reason(certificates), return_counts=True)
     order = np.argsort(-counts, kind="stable")
@@ -29,10 +27,20 @@ def certificate_text(certificates: Certificates) -> str:
     return "\n".join(lines)
 
 
+def _violation_text(certificates: Certificates) -> str:
+    """Return the worst violations of limits, at the samples and between them, in words."""
+    samples, between = _worst(certificates.violation), _worst(certificates.violation_between)
+    if samples and between:
+        return f"limits violated by {samples} at the samples and {between} between them"
+    if samples:
+        return f"limits violated by {samples} at the samples, violation between them unknown"
+    return f"violation of limits unknown{between and f' at the samples, {between} between them'}"
+
+
 def _worst(values: Values) -> str:
-    """Return the worst of the values that are known, in words."""
+    """Return the worst of the values that are not NaN, in words; "" where all are."""
     if len(values) and np.isnan(values).all():
-        return "unknown"
+        return ""
     return f"at most {np.fmax.reduce(values, initial=0.0):.1e}"
 
 

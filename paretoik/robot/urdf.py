@@ -24,7 +24,7 @@ from paretoik.robot.frame import Frame
 from paretoik.robot.pose import Pose
 from paretoik.robot.urdf_chain import Chain, find_zero_limits, select_chain
 from paretoik.robot.urdf_description import OTHER_TYPES, JointDescription, RobotDescription
-from paretoik.robot.urdf_faults import group_messages, inertia_faults, list_messages
+from paretoik.robot.urdf_faults import group_messages, inertia_faults, list_messages, shorten_list
 from paretoik.robot.urdf_reading import read_robot
 from paretoik.tables import fit_screen, html_representation
 
@@ -45,9 +45,9 @@ class RobotReport:
 
 
 def report_text(report: RobotReport) -> str:
-    """Return the summary of a URDF, then warnings, those alike as one, and faults, each a line."""
-    lines = [*report.summary, *(f"warning: {line}" for line in group_messages(report.warnings))]
-    lines += [f"fault: {line}" for line in report.faults] or ["no faults"]
+    """Return the summary of a URDF, then warnings, those alike as one, and faults, each a line; the first of many."""
+    lines = [*report.summary, *(f"warning: {line}" for line in shorten_list(group_messages(report.warnings)))]
+    lines += [f"fault: {line}" for line in shorten_list(report.faults)] or ["no faults"]
     return "\n".join(lines)
 
 

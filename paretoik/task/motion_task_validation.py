@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import get_args
 
 import numpy as np
+from jaxtyping import Float
 
 from paretoik.errors import InvalidInput
 from paretoik.inputs import check_choice, check_flag, degrees_hint, finite_number, read_list, real_array, shown
 from paretoik.robot.arm import Arm, check_arm
-from paretoik.robot.pose import quaternion_to_matrix
+from paretoik.robot.pose import Pose, matrix_to_quaternion, quaternion_to_matrix
 from paretoik.robot.scales import characteristic_length
 from paretoik.task.differences import Differences
 from paretoik.task.limits import Constraint, Limits
@@ -24,7 +25,16 @@ from paretoik.task.retraction import row_scales, task_errors
 from paretoik.task.task import Task, row_units
 
 START_TOLERANCE = 1e-6  # of the arm's length, and rad: a start this near the path is moved onto it
-TILT_TOLERANCE = 1e-4  # rad: the arc cosine of a rotation about z is this far from 0 by rounding alone, at most
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlaneOptions:
+    """How far poses, and the frames that follow them, may be tilted out of the plane of a planar arm."""
+
+    tilt_tolerance: float = 1e-4  # rad: angles written with four decimals are off by half of it
+
+
+OPTIONS = PlaneOptions()
 
 
 def motion_task(
@@ -100,24 +110,60 @@ def _as_task(value: object) -> Task:
 def _check_plane(arm: Arm, task: Task) -> None:
     """Raise InvalidInput where a path leaves the plane of a planar arm: without axes, nothing would follow it there.
 
-    Poses may lie at z = 0, whatever the height of the arm: ``Pose.planar`` puts them there.
+    Poses may lie at z = 0 where the plane is level, whatever its height: ``Pose.planar`` puts them there.
     """
+    if not arm.is_planar:
+        return
+    normal = arm.base.rotation[:, 2]
+    if abs(normal[2]) < OPTIONS.tilt_tolerance:
+        raise InvalidInput(
+            f"path: an arm in a plane that is not vertical wanted, as x and y lead it, got {arm.name} in one with the "
+            f"normal ({_coordinates(normal)}); a level one with mounted(gravity=(0, -9.81, 0)) weighs the same"
+        )
     path, points = task.path, task.path.positions
-    if not arm.is_planar or task.axes is not None or points.shape[1] == 2:
+    if task.axes is not None or points.shape[1] == 2:
         return
     frame = arm.pose(np.zeros(arm.dof), frame=task.frame)
-    kind, axes = ("points", "xy") if path.quaternions is None else ("poses", "xy+angle")
-    wish = f"path: {kind} in the plane z = {frame.position[2]:.6g} m of {arm.name} wanted, or axes={axes!r}, got one"
-    off = points[:, 2] - frame.position[2]
-    if path.quaternions is not None and not points[:, 2].any():
-        off = np.zeros(len(points))
-    if np.abs(off).max() > START_TOLERANCE * characteristic_length(arm):
-        raise InvalidInput(f"{wish} {off[np.abs(off).argmax()]:.3g} m off it")
+    tolerance = START_TOLERANCE * characteristic_length(arm)
+    is_level = float(np.hypot(*normal[:2])) <= OPTIONS.tilt_tolerance
+    wish = f"path: {'points' if path.quaternions is None else 'poses'} in {_plane_text(arm, frame, is_level)} wanted"
     if path.quaternions is not None:
-        upright = quaternion_to_matrix(path.quaternions)[:, 2, 2]
-        tilt = np.abs(np.arccos(np.clip(upright, -1.0, 1.0)) - np.arccos(np.clip(frame.rotation[2, 2], -1.0, 1.0)))
-        if tilt.max() > TILT_TOLERANCE:
-            raise InvalidInput(f"{wish} tilted out of it by {tilt.max():.3g} rad")
+        _check_tilt(arm, frame, path.quaternions, wish)
+    distance = (points - frame.position) @ (np.sign(normal[2]) * normal)
+    at_zero = path.quaternions is not None and is_level and np.abs(points[:, 2]).max() <= tolerance
+    if not at_zero and np.abs(distance).max() > tolerance:
+        axes = "xy" if path.quaternions is None else "xy+angle"
+        raise InvalidInput(f"{wish}, or axes={axes!r}, got one {distance[np.abs(distance).argmax()]:.3g} m off it")
+
+
+def _check_tilt(arm: Arm, frame: Pose, quaternions: Float[np.ndarray, "samples 4"], wish: str) -> None:
+    """Raise InvalidInput where poses are not the ``frame`` turned about the normal of the arm's plane.
+
+    The tilt is the rotation that remains of RᵀR_d without its part about the normal (swing and twist). The angle that
+    "xy+angle" follows is about the frame's own z axis, which must not lie in the plane.
+    """
+    normal = frame.rotation.T @ arm.base.rotation[:, 2]
+    relative = matrix_to_quaternion(frame.rotation.T @ quaternion_to_matrix(quaternions))
+    twist = relative[:, 1:] @ normal
+    swing = np.linalg.norm(relative[:, 1:] - twist[:, None] * normal, axis=1)
+    tilt = 2.0 * np.arctan2(swing, np.hypot(relative[:, 0], twist)).max()
+    if tilt > OPTIONS.tilt_tolerance:
+        raise InvalidInput(f"{wish}, or axes='xy', got one tilted out of it by {tilt:.3g} rad")
+    if abs(normal[2]) < OPTIONS.tilt_tolerance:
+        raise InvalidInput(f"{wish} whose z axis leaves it, or axes='xy', got poses whose z axis lies in it")
+
+
+def _plane_text(arm: Arm, frame: Pose, is_level: bool) -> str:
+    """Return in words the plane that a frame of a planar arm moves in."""
+    if is_level:
+        return f"the plane z = {_coordinates(frame.position[2:])} m of {arm.name}"
+    point, normal = _coordinates(frame.position), _coordinates(arm.base.rotation[:, 2])
+    return f"the plane of {arm.name}, through ({point}) m with the normal ({normal}),"
+
+
+def _coordinates(vector: Float[np.ndarray, " coordinates"]) -> str:
+    """Return coordinates as text; those that are 0 up to rounding have no sign."""
+    return ", ".join(f"{round(value, 12) + 0.0:.6g}" for value in vector.tolist())
 
 
 def _check_tasks(arm: Arm, tasks: tuple[Task, ...], redundant: bool) -> None:

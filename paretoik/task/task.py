@@ -26,6 +26,7 @@ from paretoik.robot.components import (
 from paretoik.robot.frame import Frame
 from paretoik.robot.kinematics import LinkFrames, frame_components, jacobian_components, link_frames
 from paretoik.robot.pose import quaternion_to_matrix, rotation_vector
+from paretoik.robot.scales import characteristic_length, joint_scales
 from paretoik.tables import field_representation, html_representation
 from paretoik.task.orientation_error import SINE_TOLERANCE, axis_times_sine, orientation_error
 from paretoik.task.path import Path
@@ -35,6 +36,19 @@ Axes = Literal["xy", "xy+angle", "xyz", "xyz+z-axis", "pose"]
 ROWS: dict[str, int] = {"xy": 2, "xy+angle": 3, "xyz": 3, "xyz+z-axis": 5, "pose": 6}
 
 
+@dataclass(frozen=True, kw_only=True)
+class TaskOptions:
+    """How far the frame of an arm in space may rise and still keep its height, as a share of the arm's length [m/m].
+
+    Angles of a URDF that are written with four decimals tilt its axes by up to 5e-5 rad.
+    """
+
+    height_tolerance: float = 1e-4
+
+
+OPTIONS = TaskOptions()
+
+
 @check_call
 @dataclass(frozen=True, eq=False)
 class Task:
@@ -42,8 +56,8 @@ class Task:
 
     axes: "xy" and "xyz" ask for position, "xy+angle" for position and angle in the x-y plane, "xyz+z-axis" for position
     and direction of the frame's z axis, "pose" for all six. None takes the axes of the path: its points, or its poses
-    (in the plane for a planar arm; 3-D points of an arm in space, unless its frame keeps its height). Position errors
-    are in m in world axes; orientation errors are the rotation vector [rad] of RᵀR_d.
+    (in the plane for a planar arm). 2-D points are for planar arms, and arms in space whose frame keeps its height.
+    Position errors are in m in world axes; orientation errors are the rotation vector [rad] of RᵀR_d.
 
     Raises InvalidInput for unknown axes, or axes that the path says nothing about.
     """
@@ -260,10 +274,13 @@ def _over_tasks(
 
 
 def _keeps_height(arm: Arm, frame: str) -> bool:
-    """Return whether no joint moves a frame up or down, at some postures that have nothing in common."""
-    q = np.sin(np.arange(1.0, 4.0 * arm.dof + 1.0)).reshape(4, arm.dof)  # rad, m
-    places = arm.pose(q, frame=frame).position
-    return bool(np.ptp(places[:, 2]) <= 1e-9 * np.abs(places).max())
+    """Return whether no joint moves a frame up or down, at some postures that have nothing in common.
+
+    The postures are within 1 rad, or the arm's length along a slide.
+    """
+    q = np.sin(np.arange(1.0, 4.0 * arm.dof + 1.0)).reshape(4, arm.dof) * joint_scales(arm)
+    heights = arm.pose(q, frame=frame).position[:, 2]
+    return bool(np.ptp(heights) <= OPTIONS.height_tolerance * characteristic_length(arm))
 
 
 @lru_cache(maxsize=64)

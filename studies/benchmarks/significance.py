@@ -11,27 +11,20 @@ from moocore import epsilon_additive, hypervolume, igd_plus, is_nondominated
 from scipy.stats import mannwhitneyu
 
 from paretoik.arrays import Objectives, Values
-from studies.reporting import Row, holm
+from studies.reporting import Row
+from studies.significance import SIGNIFICANCE, SampleComparison, compare_samples, holm, p_value
 
 MARGIN = {"hypervolume": 0.01, "IGD+": 0.1, "epsilon": 0.1}
-LEVEL = 0.05
 CORNER = 1.1  # of the hypervolume, in ranges of the union
 
 
-@dataclass(frozen=True)
-class Comparison:
-    """One comparison; all medians over seeds, ``ratio`` with its 95 % bootstrap interval."""
+@dataclass(frozen=True, kw_only=True)
+class Comparison(SampleComparison):
+    """How an indicator of a problem compares with a peer's; ``p_equal`` is that of a difference beyond the margin."""
 
     problem: str
     indicator: str
     peer: str
-    ours: float
-    theirs: float
-    ratio: float
-    ratio_low: float
-    ratio_high: float
-    a12: float
-    p: float
     p_equal: float
     p_holm: float = 1.0
     p_equal_holm: float = 1.0
@@ -67,22 +60,14 @@ def scores(F: Objectives, union: Objectives) -> dict[str, float]:
 
 def compare(problem: str, indicator: str, peer: str, ours: Values, theirs: Values) -> Comparison:
     """Test one indicator of ours against a peer's, each (seeds,); where all are the same nothing is proved."""
-    better = 1.0 if indicator == "hypervolume" else -1.0
-    test = mannwhitneyu(better * ours, better * theirs)
+    samples = compare_samples(ours, theirs, maximised=indicator == "hypervolume")
     margin = MARGIN[indicator]
     sides = (
         mannwhitneyu(ours, theirs * (1.0 - margin), alternative="greater").pvalue,
         mannwhitneyu(ours, theirs * (1.0 + margin), alternative="less").pvalue,
     )
-    p, p_equal = (1.0 if np.isnan(value) else float(value) for value in (test.pvalue, np.max(sides)))
-    draw = np.random.default_rng(0).integers(0, len(ours), size=(2, 2000, len(ours)))
-    middle, other = float(np.median(ours)), float(np.median(theirs))
-    with np.errstate(invalid="ignore", divide="ignore"):
-        ratios = np.median(ours[draw[0]], axis=1) / np.median(theirs[draw[1]], axis=1)
-        ratio = float(np.divide(middle, other))
-    low, high = np.percentile(ratios, [2.5, 97.5]) if np.isfinite(ratios).all() else (np.nan, np.nan)
-    a12 = test.statistic / len(ours) / len(theirs)
-    return Comparison(problem, indicator, peer, middle, other, ratio, low, high, a12, p, p_equal)
+    p_equal = p_value(np.max(sides))
+    return Comparison(problem=problem, indicator=indicator, peer=peer, p_equal=p_equal, **vars(samples))
 
 
 def decide(rows: Sequence[Comparison]) -> list[Comparison]:
@@ -91,9 +76,9 @@ def decide(rows: Sequence[Comparison]) -> list[Comparison]:
     differing, equal = holm([row.p for row in rows]), holm([row.p_equal for row in rows])
     for row, p, p_equal in zip(rows, differing, equal, strict=True):
         verdict = "undecided"
-        if p < LEVEL:
+        if p < SIGNIFICANCE.level:
             verdict = "loss" if row.a12 < 0.5 else "win"
-        if p_equal < LEVEL:
+        if p_equal < SIGNIFICANCE.level:
             verdict = f"{verdict}, within margin" if verdict != "undecided" else "equal"
         decided.append(replace(row, p_holm=float(p), p_equal_holm=float(p_equal), verdict=verdict))
     grades = ["loss", "loss, within margin", "undecided", "equal", "win, within margin", "win"]

@@ -7,23 +7,21 @@ speed and roughness, over the ranges of the best of all, by the rules that peers
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 
 import moocore
 import numpy as np
-from scipy.stats import bootstrap, mannwhitneyu
 
 import paretoik as pk
 from paretoik.distribution import Executor
 from problems import wan_2018
 from studies.processes import run_each
-from studies.reporting import Row, holm, tell
+from studies.reporting import Row, tell
+from studies.significance import SIGNIFICANCE, SampleComparison, compare_samples, holm
 
 Fronts = Mapping[str, Sequence[np.ndarray]]  # of each seed, by family
 FAMILIES = {"weighted": wan_2018.weighted_gains, "plain": wan_2018.plain_gains}
 LEAST = np.array([1e-9, -np.inf, 1e-9, 1e-9])  # of what logarithms are taken
-LEVEL = 0.05
 CORNER = 1.1  # of the ranges: the reference point of the hypervolume
 LOW, HIGH = 0.01, 0.02  # quantiles that the ranges leave out at either end: what no one would use
 
@@ -54,38 +52,27 @@ def comparison_rows(
     tell(f"fronts of {' and '.join(FAMILIES)}, {seeds} seeds")
     results = run_each(executor, searches)
     fronts = {family: [_log_scale(results[family, f"seed {seed}"]) for seed in range(seeds)] for family in FAMILIES}
-    compared = [_compare(name, measure, fronts) for name, measure in _indicators(fronts).items()]
+    compared = {name: _compare(name, measure, fronts) for name, measure in _indicators(fronts).items()}
     return [
         Row(
             table=f"fronts of WGPM beside GPM, {seeds} seeds, {population * generations} evaluations each",
             row="path of section 3.2",
-            column=f"{each.name}, median",
+            column=f"{name}, median",
             unit="",
             ours=each.ours,
             reference=each.theirs,
             source="GPM",
-            note=f"from {judged_starts} starts each: {each.verdict(p)}",
+            note=f"from {judged_starts} starts each: {_verdict(each, p)}",
         )
-        for each, p in zip(compared, holm([each.p for each in compared]), strict=True)
+        for (name, each), p in zip(compared.items(), holm([each.p for each in compared.values()]), strict=True)
     ]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Comparison:
-    """Medians of an indicator, the p of their difference alone, A12 and the ``ratio`` of medians with its interval."""
-
-    name: str
-    ours: float
-    theirs: float
-    p: float
-    better: float
-    ratio: tuple[float, float]
-
-    def verdict(self, p: float) -> str:
-        """Return who wins where `p` is that of the difference among all that are tested."""
-        winner = "undecided" if p > LEVEL else "WGPM wins" if self.better > 0.5 else "LOSS, GPM wins"
-        low, high = self.ratio
-        return f"{winner}, p {p:.1e} (Holm), A12 {self.better:.2f}, ratio of medians {low:.3f} to {high:.3f}"
+def _verdict(comparison: SampleComparison, p: float) -> str:
+    """Return who wins where `p` is that of the difference among all that are tested."""
+    winner = "undecided" if p > SIGNIFICANCE.level else "WGPM wins" if comparison.a12 > 0.5 else "LOSS, GPM wins"
+    ratio = f"ratio of medians {comparison.ratio_low:.3f} to {comparison.ratio_high:.3f}"
+    return f"{winner}, p {p:.1e} (Holm), A12 {comparison.a12:.2f}, {ratio}"
 
 
 def _indicators(fronts: Fronts) -> dict[str, Callable[[np.ndarray], float]]:
@@ -106,24 +93,10 @@ def _indicators(fronts: Fronts) -> dict[str, Callable[[np.ndarray], float]]:
     }
 
 
-def _compare(name: str, measure: Callable[[np.ndarray], float], fronts: Fronts) -> Comparison:
+def _compare(name: str, measure: Callable[[np.ndarray], float], fronts: Fronts) -> SampleComparison:
     """Return how an indicator of both families' fronts compares."""
     ours, theirs = (np.array([float(measure(front)) for front in fronts[family]]) for family in FAMILIES)
-    test = mannwhitneyu(ours, theirs)
-    larger = float(test.statistic) / len(ours) / len(theirs)
-    interval = bootstrap((ours, theirs), _ratio, vectorized=False, n_resamples=2000, rng=0).confidence_interval
-    return Comparison(
-        name=name,
-        ours=float(np.median(ours)),
-        theirs=float(np.median(theirs)),
-        p=float(test.pvalue),
-        better=larger if name == "hypervolume" else 1 - larger,
-        ratio=(float(interval.low), float(interval.high)),
-    )
-
-
-def _ratio(ours: np.ndarray, theirs: np.ndarray) -> float:
-    return float(np.median(ours) / np.median(theirs))
+    return compare_samples(ours, theirs, maximised=name == "hypervolume")
 
 
 def _log_scale(front: np.ndarray) -> np.ndarray:

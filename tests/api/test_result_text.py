@@ -91,6 +91,13 @@ def test_why_points_are_undetermined_is_printed_and_what_is_unknown_is_no_number
     ]
     nothing = replace(certificates, kkt_residual=np.full(5, np.nan))
     assert "criticality unknown, limits violated by at most" in certificate_text(nothing)
+    unknown = np.full(5, np.nan)
+    for changed, words in (
+        ({"violation": unknown, "violation_between": unknown}, r", violation of limits unknown$"),
+        ({"violation_between": unknown}, r", limits violated by at most \S+ at the samples, .* between them unknown$"),
+        ({"violation": unknown}, r", violation of limits unknown at the samples, at most \S+ between them$"),
+    ):
+        assert re.search(words, certificate_text(replace(certificates, **changed)).splitlines()[0])
     entry = to_json(entries(replace(front, certificates=unclear)))[1]["certificate"]
     assert (entry["kkt_residual"], entry["weights"], entry["reason"]) == (None, [None, None], "Clarabel: stuck")
 

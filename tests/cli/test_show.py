@@ -19,7 +19,7 @@ def test_a_viewer_that_finds_no_screen_says_what_to_do(without_screen, finished)
 
 
 def test_a_run_without_recording_is_refused(tmp_path):
-    with pytest.raises(InvalidInput, match=rf"{RECORDING}: wanted a recording, got none; solve with out="):
+    with pytest.raises(InvalidInput, match=rf"{RECORDING}: wanted a recording, got none; solve with --out to make one"):
         show(tmp_path)
 
 

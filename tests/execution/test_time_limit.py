@@ -4,14 +4,40 @@ import os
 import signal
 import threading
 import time
+from dataclasses import dataclass
 
 import pytest
 
-from paretoik.compilation_notices import begin_compilation, end_compilation
+from paretoik import compilation_notices
+from paretoik.compilation_notices import begin_compilation, computing_clock, end_compilation
 from paretoik.errors import InvalidInput
 from paretoik.execution.interrupts import interruptible
 from paretoik.execution.time_limit import reserve_time, time_limit
 from paretoik.stop_flag import STOP, Interrupted, check_interruption
+
+
+@dataclass
+class Clock:
+    """Stands for the module ``time``: its time [s] is what a test sets."""
+
+    now: float = 100.0
+
+    def monotonic(self) -> float:
+        return self.now
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """The clock that time limits go by, and no compilation so far: however slow a machine is, it stands still."""
+    monkeypatch.setattr(compilation_notices, "_TIME", [(0.0, None)])
+    monkeypatch.setattr(compilation_notices, "time", Clock())
+    return compilation_notices.time
+
+
+def wait_until_reached(limit) -> None:
+    ends = time.monotonic() + 10.0
+    while not limit.reached and time.monotonic() < ends:
+        time.sleep(0.001)
 
 
 def wait_for_interruption() -> None:
@@ -30,9 +56,11 @@ def test_past_the_limit_what_runs_is_interrupted_and_nothing_after_it():
     check_interruption()
 
 
-def test_within_the_limit_nothing_happens_then_or_later():
+def test_within_the_limit_nothing_happens_then_or_later(clock):
     with time_limit(0.05) as limit:
-        pass
+        time.sleep(0.1)
+        check_interruption()
+    clock.now += 1.0
     time.sleep(0.1)
     assert not limit.reached
     check_interruption()
@@ -74,10 +102,12 @@ def test_without_a_limit_no_time_is_reserved():
         check_interruption()
 
 
-def test_a_signal_before_the_limit_stays_the_signal():
-    with interruptible() as interruption, time_limit(0.05):
+def test_a_signal_before_the_limit_stays_the_signal(clock):
+    with interruptible() as interruption, time_limit(0.05) as limit:
         os.kill(os.getpid(), signal.SIGTERM)
-        time.sleep(0.1)
+        clock.now += 1.0
+        wait_until_reached(limit)
+        assert limit.reached
         assert STOP[0] == signal.SIGTERM
     assert interruption.signal == signal.SIGTERM
 
@@ -104,14 +134,44 @@ def test_another_thread_is_refused():
     assert "time_limit: wants the main thread" in str(errors[0])
 
 
-def test_compiling_code_is_not_counted():
+def test_the_computing_clock_stands_still_while_code_is_compiled(clock):
+    started = computing_clock()
+    for computed in (1.0, 2.0):
+        clock.now += 1.0
+        begin_compilation()
+        clock.now += 10.0
+        begin_compilation()  # a function within that function: one compilation
+        clock.now += 5.0
+        assert computing_clock() - started == computed
+        end_compilation()
+        assert computing_clock() - started == computed
+
+
+def test_the_computing_clock_never_counts_a_compilation_that_is_just_ending(clock, monkeypatch):
+    started, readings, monotonic = computing_clock(), [], clock.monotonic
+
+    def read_meanwhile() -> float:  # as another thread may
+        monkeypatch.setattr(clock, "monotonic", monotonic)
+        readings.append(computing_clock())
+        return monotonic()
+
+    begin_compilation()
+    clock.now += 10.0
+    monkeypatch.setattr(clock, "monotonic", read_meanwhile)
+    end_compilation()
+    assert [*readings, computing_clock()] == [started, started]
+
+
+def test_compiling_code_is_not_counted(clock):
     with time_limit(0.2) as limit:
         begin_compilation()
-        time.sleep(0.4)
-        begin_compilation()  # a function within that function: one compilation
+        clock.now += 10.0
+        time.sleep(0.3)  # past the limit by any other clock
+        assert limit.remaining == pytest.approx(0.2)
         end_compilation()
+        assert limit.remaining == pytest.approx(0.2)
         check_interruption()
-        assert not limit.reached
+        clock.now += 0.3
         with pytest.raises(Interrupted):
             wait_for_interruption()
     assert limit.reached

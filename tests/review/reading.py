@@ -45,9 +45,15 @@ def rows(batches: list, timeline: str, component: str) -> dict[int, np.ndarray]:
 
 def views(file: Path) -> dict[str, str]:
     """Return the origin of each view of the layout that it opens with, by its name and place."""
+    return _views(file, opening_layout(file))
+
+
+def opening_layout(file: Path) -> int:
+    """Return the number of the layout that it opens with, among those that it holds, whose order says nothing."""
     layouts = [_views(file, number) for number in range(len(rr.chunk.RrdReader(file).blueprints()))]
     # Where something was chosen the layout before that is kept.
-    (opening,) = [each for each in layouts if any(map(_of_choice, each.values()))] or layouts
+    of_choice = [number for number, each in enumerate(layouts) if any(map(_of_choice, each.values()))]
+    (opening,) = of_choice or range(len(layouts))
     return opening
 
 

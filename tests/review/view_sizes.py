@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -11,16 +13,32 @@ import numpy as np
 import rerun as rr
 
 from paretoik.review.drawing.drawn_axes import TEXT, text_width
-from paretoik.review.drawing.recorded_views import ROOTS
 from paretoik.review.drawing_options import VIEWS
-from tests.review.reading import read, static_values, static_words
+from tests.review.reading import opening_layout, read, static_values, static_words
 
 TABS, HORIZONTAL, VERTICAL = 1, 2, 3
-LETTERS = 0.9  # height of words, of their line
+
+
+@dataclass(frozen=True, kw_only=True)
+class LabelOptions:
+    """The viewer draws the letters of a label ``height`` of a line tall."""
+
+    height: float = 0.9
+
+
+LABELS = LabelOptions()
+
+
+def label_halves(words: Sequence[str]) -> np.ndarray:
+    """Return half the width and height (words, 2) [pixels] of labels as the viewer draws them, padding left out."""
+    return 0.5 * np.array([(text_width(word), LABELS.height * TEXT.line) for word in words])
 
 
 def view_scales(file: Path) -> dict[str, float]:
-    """Return how many pixels a unit of each flat view is, by its origin, as the layout that it opens with has them."""
+    """Return how many pixels a unit of each flat view is, by its origin, as the layout that it opens with has them.
+
+    NaN is the scale of a view in space: there it changes with the distance from the eye.
+    """
     parts = layout_parts(file)
     (root,) = parts["viewport"]["ViewportBlueprint:root_container"]
     scales: dict[str, float] = {}
@@ -32,13 +50,14 @@ def _measure(parts: dict[str, dict[str, Any]], name: str, size: np.ndarray, scal
     """Add the scales of the views below a container of a `size`, or of a view; ``titled`` below its row of names."""
     part = parts[name]
     if "ViewBlueprint:space_origin" in part:
-        bounds = parts.get(f"{name}/VisualBounds2D")
-        if bounds is not None:
+        bounds, origin = parts.get(f"{name}/VisualBounds2D"), "/" + part["ViewBlueprint:space_origin"][0].strip("/")
+        if part["ViewBlueprint:class_identifier"] == ["3D"]:
+            scales[origin] = float("nan")
+        elif bounds is not None:
             (each,) = bounds["VisualBounds2D:range"]
             has_title = not titled and part.get("ViewBlueprint:display_name") != ["legend"]
             height = size[1] - VIEWS.title * has_title
             extent = np.array([np.ptp(each["x_range"]), np.ptp(each["y_range"])])
-            origin = "/" + part["ViewBlueprint:space_origin"][0].strip("/")
             scales[origin] = float((np.array([size[0], height]) / extent).min())
         return
     contents, (kind,) = part["ContainerBlueprint:contents"], part["ContainerBlueprint:container_kind"]
@@ -78,19 +97,10 @@ def tabs_of_charts(file: Path) -> dict[str, tuple[str, Any, int]]:
 
 
 def layout_parts(file: Path) -> dict[str, dict[str, Any]]:
-    """Return the components of each entity of the layout that a recording opens with, as they stand at its end.
-
-    Where something was chosen this is that of the choice, wherever in the file the former one is.
-    """
+    """Return the components of each entity of the layout that it opens with, as they stand at its end."""
     reader = rr.chunk.RrdReader(file)
-    layouts = [_parts(reader, layout) for layout in reader.blueprints()]
-    (opening,) = [each for each in layouts if _shows_choice(each)] or layouts
-    return opening
-
-
-def _parts(reader: rr.chunk.RrdReader, layout: rr.chunk.StoreEntry) -> dict[str, dict[str, Any]]:
     parts: dict[str, dict[str, Any]] = {}
-    for chunk in reader.stream(store=layout):
+    for chunk in reader.stream(store=reader.blueprints()[opening_layout(file)]):
         batch = chunk.to_record_batch()
         part = parts.setdefault(str(chunk.entity_path).strip("/"), {})
         for name in batch.schema.names:
@@ -99,32 +109,44 @@ def _parts(reader: rr.chunk.RrdReader, layout: rr.chunk.StoreEntry) -> dict[str,
     return parts
 
 
-def _shows_choice(parts: dict[str, dict[str, Any]]) -> bool:
-    origins = [part.get("ViewBlueprint:space_origin", [""])[0] for part in parts.values()]
-    return any(origin.strip("/").split("/")[0] in ROOTS for origin in origins)
+def touching_words(
+    file: Path, charts: Sequence[str], *, not_in_layout: Sequence[str] = ()
+) -> list[tuple[str, str, str]]:
+    """Return axes, and words there whose boxes touch the frame, or that touch others, as the viewer draws them.
 
-
-def touching_words(file: Path) -> list[tuple[str, str, str]]:
-    """Return axes, and words there whose boxes touch the frame, or that touch others, as the viewer draws them."""
+    At or below each path of ``charts`` some flat axes have to be measured. All other axes are measured as well, except
+    those in space and those at or below a path of ``not_in_layout``. Raises AssertionError where that is not so.
+    """
     entities, scales = read(file), view_scales(file)
-    touching = list[tuple[str, str, str]]()
+    touching, measured = list[tuple[str, str, str]](), list[str]()
     for grid in sorted(path for path in entities if path.endswith("/grid")):
         axes = grid.removesuffix("/grid")
-        scale = next(
-            (scale for origin, scale in scales.items() if axes == origin or axes.startswith(f"{origin}/")), None
-        )
-        if scale is None or f"{axes}/labels" not in entities:
-            continue
-        frame = scale * np.array(static_values(entities[grid], "strips")[-1])
-        words = static_words(entities[f"{axes}/labels"])
-        middles = scale * np.array(static_values(entities[f"{axes}/labels"], "positions")) + [0.0, TEXT.drop]
-        halves = 0.5 * np.array([(text_width(word), LETTERS * TEXT.line) for word in words])
-        around = halves + np.array([0.5 * TEXT.padding, 0.0])
-        reach = np.minimum(frame.max(axis=0), middles + around) - np.maximum(frame.min(axis=0), middles - around)
-        touching += [
-            (axes, "frame", word) for word, inside in zip(words, reach.min(axis=1) > 0.0, strict=True) if inside
-        ]
-        for i, k in combinations(range(len(words)), 2):
-            if (np.abs(middles[i] - middles[k]) < halves[i] + halves[k]).all():
-                touching.append((axes, words[i], words[k]))
+        scale = next((scales[origin] for origin in scales if _is_within(axes, origin)), None)
+        assert (scale is None) == any(_is_within(axes, path) for path in not_in_layout), f"{axes}: views {list(scales)}"
+        if scale is not None and not np.isnan(scale):
+            measured.append(axes)
+            assert f"{axes}/labels" in entities, f"{axes}: no labels"
+            frame = scale * np.array(static_values(entities[grid], "strips")[-1])
+            words = static_words(entities[f"{axes}/labels"])
+            middles = scale * np.array(static_values(entities[f"{axes}/labels"], "positions")) + [0.0, TEXT.drop]
+            touching += [(axes, *pair) for pair in _touching_pairs(frame, words, middles)]
+    missing = [path for path in charts if not any(_is_within(axes, path) for axes in measured)]
+    assert charts, "no axes measured: no place of a chart is named"
+    assert not missing, f"no axes measured at {missing}, only {measured}"
+    return touching
+
+
+def _is_within(path: str, folder: str) -> bool:
+    return path == folder or path.startswith(f"{folder}/")
+
+
+def _touching_pairs(frame: np.ndarray, words: Sequence[str], middles: np.ndarray) -> list[tuple[str, str]]:
+    """Return words that touch the frame, after "frame", and pairs of words that touch; middles (words, 2) [pixels]."""
+    halves = label_halves(words)
+    around = halves + np.array([0.5 * TEXT.padding, 0.0])
+    reach = np.minimum(frame.max(axis=0), middles + around) - np.maximum(frame.min(axis=0), middles - around)
+    touching = [("frame", word) for word, inside in zip(words, reach.min(axis=1) > 0.0, strict=True) if inside]
+    for i, k in combinations(range(len(words)), 2):
+        if (np.abs(middles[i] - middles[k]) < halves[i] + halves[k]).all():
+            touching.append((words[i], words[k]))
     return touching

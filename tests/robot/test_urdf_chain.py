@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,8 @@ from paretoik.errors import InvalidInput, InvalidRobot
 from paretoik.robot.arm import Arm
 from paretoik.robot.dynamics import inverse_dynamics
 from paretoik.robot.kinematics import forward_kinematics
-from paretoik.robot.urdf import check_robot, report_text
+from paretoik.robot.urdf import RobotReport, check_robot, report_text
+from paretoik.robot.urdf_faults import group_messages
 from paretoik.task.motion_task_validation import lacks_masses
 from tests.robot.conftest import PANDA
 from tests.robot.urdf_text import BODY, LIMIT, chain_of_three, joint, link
@@ -163,6 +166,33 @@ def test_beside_other_faults_a_wrong_inertia_is_listed_wherever_it_is(write_urdf
         Arm.from_urdf(file, tip="d")
     assert any("triangle" in fault for fault in refused.value.faults)
     assert any("<mass>" in fault for fault in refused.value.faults)
+
+
+def test_very_many_warnings_are_grouped_before_they_are_counted(write_urdf):
+    parts = [
+        part
+        for number in range(150)
+        for part in (link(f"plate{number}", WRONG), joint(f"k{number}", "a", f"plate{number}", "fixed", ""))
+    ]
+    report = check_robot(write_urdf(*chain_of_three(), *parts), tip="d")
+    assert len([warning for warning in report.warnings if "triangle" in warning]) == 150
+    (line,) = [line for line in report_text(report).splitlines() if line.startswith("warning")]
+    assert line.startswith("warning: each of 150 links, 'plate0', 'plate1', 'plate2' and 147 more: inertia must keep")
+
+
+def test_of_very_many_warnings_that_differ_the_first_hundred_are_in_the_text():
+    warnings = tuple(f"line {number}: warning {number}" for number in range(130))
+    text = report_text(RobotReport(file=Path("r.urdf"), faults=(), warnings=warnings, summary=()))
+    assert text.splitlines()[99:] == ["warning: line 99: warning 99", "warning: and 30 more", "no faults"]
+
+
+def test_equal_messages_of_no_link_or_joint_are_one():
+    several = ["line 2: friction is not modelled"] * 2
+    assert group_messages(several) == several[:1]
+    assert group_messages([*several, "joint 'a': moves no mass", *several, "joint 'b': moves no mass"]) == [
+        several[0],
+        "each of 2 joints, 'a' and 'b': moves no mass",
+    ]
 
 
 def test_what_is_said_alike_of_several_links_is_one_line_of_the_report_and_each_a_warning_of_it(write_urdf):

@@ -8,7 +8,7 @@ import pytest
 from paretoik.errors import InvalidRobot
 from paretoik.robot.arm import Arm
 from paretoik.robot.kinematics import forward_kinematics
-from paretoik.robot.urdf import check_robot
+from paretoik.robot.urdf import check_robot, report_text
 from tests.robot.faulty_urdfs import BODY, ENDS, HEAD, JOINT, LIMIT, TAIL, jointed, limited, massed, moments, robot
 from tests.robot.urdf_text import chain_of_three
 
@@ -122,12 +122,16 @@ def test_all_faults_of_a_file_are_listed_at_once_in_the_order_of_its_lines(tmp_p
         assert sum(words in fault for fault in faults) == 1
 
 
-def test_of_very_many_faults_the_first_hundred_are_listed(tmp_path):
+def test_of_very_many_faults_a_text_has_the_first_hundred_and_the_report_all(tmp_path):
     file = tmp_path / "robot.urdf"
     file.write_text(robot(more="<link/>\n" * 5000), encoding="utf-8")
-    faults = check_robot(file).faults
-    assert len(faults) == 101
-    assert faults[-1] == "and 4900 more"
+    report = check_robot(file)
+    assert len(report.faults) == 5000
+    assert report_text(report).splitlines()[-2:] == [f"fault: {report.faults[99]}", "fault: and 4900 more"]
+    with pytest.raises(InvalidRobot, match=r"got 5000 faults: line 6: .*; and 4900 more$") as refused:
+        Arm.from_urdf(file)
+    assert refused.value.faults == report.faults
+    assert str(refused.value).count("; ") == 100
 
 
 def test_numbers_are_read_alike_in_every_locale(write_urdf):

@@ -12,7 +12,6 @@ from scipy.spatial.transform import Rotation
 
 import paretoik as pk
 from problems import wan_2018
-from studies.reporting import holm
 from studies.wan_2018 import __main__ as study
 from studies.wan_2018.events import EVENTS, event_rows
 from studies.wan_2018.fronts import comparison_rows
@@ -116,11 +115,6 @@ def test_running_times_stand_beside_the_papers():
     printed = [row.reference for row in rows if row.reference is not None]
     assert printed == pytest.approx([0.2337, 0.1832, 0.1832, 0.7839, 0.7839], abs=1e-4)
     assert all(row.ours > 0 and row.note for row in rows)
-
-
-def test_corrected_p_values_are_holms():
-    assert holm([0.01, 0.04, 0.03]) == pytest.approx([0.03, 0.06, 0.06])
-    assert holm([0.9, 0.8]).tolist() == [1.0, 1.0]
 
 
 def test_families_are_compared_by_their_fronts():

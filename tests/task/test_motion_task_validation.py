@@ -9,6 +9,8 @@ import paretoik as pk
 from paretoik import Limits, Pose, Task, circle, joint_travel, kinetic_energy, line
 from paretoik.errors import InvalidInput
 from paretoik.robot.arms import marcos_nr
+from paretoik.robot.pose import quaternion_to_matrix
+from paretoik.task.retraction import retract_nearest
 from tests.task.tasks import LINE, POSTURE, from_posture, task
 
 ELSEWHERE = circle([0.4, 0.0], 0.05, duration=1.0, samples=21)
@@ -136,10 +138,88 @@ def test_a_planar_arm_refuses_poses_off_its_plane_or_tilted():
         InvalidInput, match=r"path: poses in the plane z = 0 m of Marcos 4R wanted, .* got one 0\.5 m off"
     ):
         along(start, high)
-    with pytest.raises(InvalidInput, match=r"axes='xy\+angle', got one tilted out of it by 3\.14 rad"):
+    with pytest.raises(InvalidInput, match=r"axes='xy', got one tilted out of it by 3\.14 rad"):
         along(start, down)
     for other in (high, down):
         assert along(start, other, axes="xy").tasks[0].rows == 2
+
+
+FOUR_LINKS = pk.Arm.planar(lengths=[1.0] * 4)
+POSTURES = np.array([[0.3, 0.5, 0.4, 0.2], [0.5, 0.3, 0.6, 0.4]])
+
+
+def checked(arm, *ends, **axes):
+    return task(arm=arm, objectives=[joint_travel], path=Task(line(*ends, duration=1.0, samples=11), **axes)).tasks[0]
+
+
+@pytest.mark.parametrize("rpy", [[0.3, 0.0, 0.0], [0.2, -0.7, 1.0], [np.pi, 0.0, 0.0], [np.pi - 0.4, 0.0, 0.2]])
+@pytest.mark.parametrize("height", [0.0, 0.5])
+def test_a_planar_arm_follows_its_own_points_and_poses_however_it_is_mounted(rpy, height):
+    arm = FOUR_LINKS.mounted(base=Pose.from_rpy([0.1, 0.2, height], rpy))
+    first, last = arm.pose(POSTURES)
+    assert checked(arm, first, last).axes == "xy+angle"
+    assert checked(arm, first.position, last.position).axes == "xy"
+    assert checked(arm, *arm.pose(POSTURES, frame="joint4"), frame="joint4").axes == "xy+angle"
+    normal = arm.base.rotation[:, 2]
+    off = last.position + 0.25 * normal * np.sign(normal[2])
+    with pytest.raises(InvalidInput, match=r"path: points in the plane .*, or axes='xy', got one 0\.25 m off it$"):
+        checked(arm, first.position, off)
+    with pytest.raises(InvalidInput, match=r"path: poses in .*, or axes='xy\+angle', got one 0\.25 m off it$"):
+        checked(arm, first, Pose(off, last.quaternion))
+    with pytest.raises(InvalidInput, match=r"path: poses in .*, or axes='xy', got one tilted out of it by 0\.01 rad$"):
+        checked(arm, first, last @ Pose.from_rpy([0.0, 0.0, 0.0], [0.01, 0.0, 0.0]))
+
+
+def test_a_tilted_planar_arm_that_follows_x_and_y_follows_z_too():
+    arm = FOUR_LINKS.mounted(base=Pose.from_rpy([0.0, 0.0, 0.0], [0.3, 0.0, 0.0]))
+    first, last = arm.pose(POSTURES)
+    followed = checked(arm, first, last)
+    times = np.linspace(0.0, 1.0, 11)
+    q = np.linspace(*POSTURES, 11)
+    retracted = retract_nearest(arm, [followed], q, followed.targets(times))
+    assert retracted.on_path.all()
+    poses, (positions, quaternions) = arm.pose(retracted.q), followed.path.at(times)
+    np.testing.assert_allclose(poses.position, positions, atol=1e-11)
+    np.testing.assert_allclose(poses.rotation, quaternion_to_matrix(quaternions), atol=1e-11)
+
+
+def test_the_plane_of_a_tilted_arm_is_printed_by_point_and_normal_and_0_without_a_sign():
+    tilted = FOUR_LINKS.mounted(base=Pose.from_rpy([0.0, 0.0, 0.5], [0.3, 0.0, 0.0]))
+    words = r"the plane of planar arm, through \(4, 0, 0\.5\) m with the normal \(0, -0\.29552, 0\.955336\),"
+    with pytest.raises(InvalidInput, match=words):
+        checked(tilted, [2.0, 1.0, 0.0], [1.5, 1.2, 0.0])
+    turned_over = FOUR_LINKS.mounted(base=Pose.from_rpy([0.0, 0.0, 0.0], [np.pi, 0.0, 0.0]))
+    ends = Pose.planar(2.0, 1.0, 0.1), Pose.planar(1.5, 1.2, 0.3)
+    with pytest.raises(InvalidInput, match=r"in the plane z = 0 m of .*, or axes='xy', got one tilted .* by 3\.14 rad"):
+        checked(turned_over, *ends)
+    assert checked(turned_over, *ends, axes="xy").rows == 2
+
+
+def test_poses_at_0_up_to_rounding_are_at_the_height_of_a_level_arm():
+    arm = FOUR_LINKS.mounted(base=Pose([0.0, 0.0, 0.5]))
+    for height in (0.0, 1e-17, -1e-12):
+        assert checked(arm, Pose([2.0, 1.0, height]), Pose([1.5, 1.2, height])).axes == "xy+angle"
+    with pytest.raises(InvalidInput, match=r"got one -0\.499 m off it"):
+        checked(arm, Pose([2.0, 1.0, 1e-3]), Pose([1.5, 1.2, 1e-3]))
+
+
+def test_a_tool_whose_z_axis_lies_in_the_plane_has_no_angle_to_follow():
+    arm = FOUR_LINKS.with_tool(Pose.from_rpy([1.0, 0.0, 0.0], [np.pi / 2, 0.0, 0.0]))
+    first, last = arm.pose(POSTURES)
+    with pytest.raises(InvalidInput, match=r"axes='xy', got one tilted out of it by 0\.4 rad"):
+        checked(arm, first, Pose(last.position, first.quaternion) @ Pose.from_rpy([0.0, 0.0, 0.0], [0.0, 0.0, 0.4]))
+    with pytest.raises(InvalidInput, match=r"whose z axis leaves it, or axes='xy', got poses whose z axis lies in it"):
+        checked(arm, first, last)
+    assert checked(arm, first, last, axes="xy").rows == 2
+
+
+@pytest.mark.parametrize("ends", [([2.0, 0.0], [1.0, 0.0]), ([2.0, 0.0, 1.0], [1.0, 0.0, 0.5])])
+def test_x_and_y_cannot_lead_a_planar_arm_in_a_vertical_plane(ends):
+    arm = FOUR_LINKS.mounted(base=Pose.from_rpy([0.0, 0.0, 0.0], [1.5708, 0.0, 0.0]))
+    with pytest.raises(
+        InvalidInput, match=r"path: an arm in a plane that is not vertical wanted, .* got planar arm in"
+    ):
+        checked(arm, *ends)
 
 
 def test_an_upside_down_start_is_not_taken_for_an_upright_one():

@@ -14,8 +14,8 @@ from studies.benchmarks.fronts.methods import CELLS, FACTORS, OURS, PLAIN
 from studies.benchmarks.fronts.sweeps import OURS as EPSILON
 from studies.benchmarks.significance import MARGIN, Comparison, compare, comparison_row, decide, scores, tally_rows
 from studies.reporting import Row
+from studies.significance import bootstrap_interval
 
-DRAWS = 2000
 HURTS, UNDECIDED, HELPS = ("HURTS", "overlap"), "undecided", ("helps", "add to each other")  # of one, of several
 COMPARED, ADDED, COUNTED, LEFT = (
     "our fronts beside the peers', medians (hypervolume: more is better; IGD+, epsilon: less)",
@@ -40,8 +40,8 @@ class Effect:
 
     @property
     def verdict(self) -> str:
-        """Which side of nought the whole interval is on."""
-        if self.low <= 0.0 <= self.high:
+        """Which side of nought the whole interval is on; of one seed there is none."""
+        if not (self.low > 0.0 or self.high < 0.0):
             return UNDECIDED
         return (HELPS if self.low > 0 else HURTS)[" × " in self.factors]
 
@@ -88,9 +88,7 @@ def contrast(which: Sequence[int]) -> Values:
 def effect(table: Values, weights: Values) -> tuple[float, float, float]:
     """Return the mean over seeds of a contrast of cells (8, seeds), and its 95 % bootstrap interval."""
     each = weights @ table
-    draw = np.random.default_rng(0).integers(0, len(each), size=(DRAWS, len(each)))
-    low, high = np.percentile(each[draw].mean(axis=1), [2.5, 97.5])
-    return float(each.mean()), float(low), float(high)
+    return float(each.mean()), *bootstrap_interval(np.mean, each)
 
 
 def comparison_rows(every: Sequence[Comparison]) -> list[Row]:

@@ -7,20 +7,17 @@ from itertools import chain, combinations
 import numpy as np
 import pytest
 
-from paretoik.review.drawing.drawn_axes import TEXT, text_width
+from paretoik.review.drawing.drawn_axes import TEXT
 from paretoik.review.drawing.front_panels import Panels
-
-LETTERS = 0.9  # height of words, of their line
+from tests.review.view_sizes import label_halves
 
 
 def boxes(canvases) -> list[tuple[str, np.ndarray, np.ndarray]]:
     """The words of all panels with the corners of what they cover."""
-    words, places = zip(*(canvas._labels(*canvas._ticks()) for canvas in canvases), strict=True)
-    return [
-        (word, place - half, place + half)
-        for word, place in zip(chain.from_iterable(words), np.concatenate(places), strict=True)
-        for half in [0.5 * np.array([text_width(word), LETTERS * TEXT.line])]
-    ]
+    each, places = zip(*(canvas._labels(*canvas._ticks()) for canvas in canvases), strict=True)
+    words, middles = list(chain.from_iterable(each)), np.concatenate(places)
+    halves = label_halves(words)
+    return list(zip(words, middles - halves, middles + halves, strict=True))
 
 
 def random_points(rng: np.random.Generator, count: int) -> np.ndarray:

@@ -96,7 +96,7 @@ def test_everything_of_the_checklist_is_there_at_every_instant_of_a_plan(plan):
 
 
 def test_no_number_or_name_of_an_axis_of_a_plan_touches_its_frame_or_another(plan):
-    assert not touching_words(plan[2])
+    assert not touching_words(plan[2], ["/arm", "/charts", "/joint_charts", "/objective"])
 
 
 def test_a_plan_ends_on_its_optima_and_its_best_moves(plan):

@@ -102,6 +102,12 @@ def test_the_interval_of_an_effect_covers_it_about_nineteen_times_in_twenty():
     assert 170 <= covered <= 199
 
 
+def test_one_seed_proves_no_effect():
+    every = table(MaxiMin=0.1, seeding=0.0, refinement=-0.2)
+    effects = judging.effects("case", {name: scores[:1] for name, scores in every.items()})
+    assert {one.verdict for one in effects} == {"undecided"}
+
+
 def test_cells_with_one_start_begin_alike_and_the_other_is_of_chance():
     problem = cases.problem_of(CASE)
     firsts = {}

@@ -1,32 +1,15 @@
-"""The tests of two methods' indicators, and the indicators themselves."""
+"""Indicators of fronts, and how those of two methods are compared and reported."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from studies.benchmarks import significance as study
-from studies.reporting import holm
-
-p_values = st.lists(st.floats(0.0, 1.0), min_size=1, max_size=12)
 
 
 def values(centre, seed):
     return centre * np.random.default_rng(seed).uniform(0.99, 1.01, 31)
-
-
-def test_holm_is_the_textbook_s():
-    np.testing.assert_allclose(holm([0.01, 0.04, 0.03, 0.005]), [0.03, 0.06, 0.06, 0.02])
-
-
-@given(p_values)
-def test_holm_never_helps_and_keeps_the_order(p):
-    corrected = holm(p)
-    assert (corrected >= p).all()
-    assert (corrected <= 1).all()
-    assert (np.diff(corrected[np.argsort(p)]) >= 0).all()
 
 
 @pytest.mark.parametrize("indicator", study.MARGIN)

@@ -45,5 +45,4 @@ class UrdfFiles:
 
 def _check_faults(faults: Iterable[str]) -> None:
     for fault in faults:
-        if not fault.startswith("and "):  # "and 3 more"
-            check_message(fault, "")
+        check_message(fault, "")
