@@ -30,14 +30,14 @@ from paretoik.review.recording.workcell import Workcell
 from paretoik.review.run_words import counted
 from paretoik.robot.kinematics import link_nodes
 
-POPULATION, ARMS = "population", "arms of the front"
+POPULATION, ARMS, PATH = "population", "arms of the front", "path to follow"
 ENTRIES = (
     (POPULATION, SCREEN.population),
     ("front of the generation", SCREEN.front),
     ("chosen by the weights, or the individual looked at", SCREEN.chosen),
     ("its arm", SCREEN.arm),
     (ARMS, SCREEN.ghost),
-    ("path to follow", SCREEN.target),
+    (PATH, SCREEN.target),
     ("where the tool is to be", SCREEN.path),
 )
 
@@ -165,7 +165,8 @@ class StepScene:
     @property
     def _legend(self) -> Legend:
         obstacles = [("obstacle", SCREEN.obstacle)] if self.workcell is not None and self.workcell.obstacles else []
-        shows = {POPULATION: self._shows_population, ARMS: self._shows_arms}
+        has_path = bool(self._drawing.workcell.paths)
+        shows = {POPULATION: self._shows_population, ARMS: self._shows_arms, PATH: has_path}
         entries = [(words, colour) for words, colour in ENTRIES if shows.get(words, True)]
         return Legend(entity=f"{self._root}/legend", entries=[*entries, *obstacles])
 

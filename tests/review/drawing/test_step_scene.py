@@ -88,6 +88,7 @@ def test_where_the_tool_is_to_be_is_seen_around_a_tool_that_is_there(tmp_path):
     np.testing.assert_allclose(radii, MARKS.target_ring, rtol=1e-3)
     assert MARKS.target_ring - 1.2 > 1.875 * MARKS.solid_arm  # the radius of the tool
     assert ("where the tool is to be", SCREEN.path) in scene._legend.entries
+    assert "path to follow" not in legend(entities)  # there is none
 
 
 def test_in_space_a_cross_reaches_beyond_the_tool(tmp_path):
