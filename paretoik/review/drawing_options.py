@@ -76,10 +76,11 @@ class MarkSizes:
     ends ``overlap`` within the label's plate. Labels keep off so many points of any line, ``line_points``.
 
     Curves are ``line`` wide, limits have dashes of ``dash``. Of a curve of dots more than ``many_dots`` are small; axes
-    leave ``dot_margin`` of their range free on either side, so that none is cut. The chosen arm is ``solid_arm`` wide,
-    those of best points are ``arms``, so that each is seen on the one before where they coincide; in space, where thin
-    lines would hide in wide ones, ``spatial_arms``. A start of a plan has the radius ``start``; beyond the axes it is a
-    dash of ``edge_dash`` at their edge. On either side of a level ``band_margin`` are free of starts.
+    leave ``dot_margin`` of their range free on either side, so that none is cut. Arms of best points are ``arms`` wide
+    and the chosen one on top ``solid_arm``, so that each is seen on the one before where they coincide; in space, where
+    thin lines would hide in wide ones, ``spatial_arms``. Where a tool is to be is a ring with the radius
+    ``target_ring``, around the tool. A start of a plan has the radius ``start``; beyond the axes it is a dash of
+    ``edge_dash`` at their edge. On either side of a level ``band_margin`` are free of starts.
     """
 
     end: float = 5.2
@@ -97,11 +98,12 @@ class MarkSizes:
     line: float = 2.4
     dash: float = 7.0
     many_dots: int = 40
-    solid_arm: float = 4.0
-    arms: tuple[float, ...] = (2.9, 1.8, 0.9)
+    solid_arm: float = 2.3
+    arms: tuple[float, ...] = (4.1, 3.5, 2.9)
     spatial_arms: tuple[float, float] = (3.2, 1.6)
     start: float = 3.0
     edge_dash: float = 9.0
+    target_ring: float = 11.0
     dot_margin: float = 0.02
     band_margin: float = 9.0
 
@@ -110,16 +112,17 @@ class MarkSizes:
 class SceneOptions:
     """Lengths in scenes of arms, as shares, since scenes have any size.
 
-    ``arrow`` is how long the arrow of a direction is, of the arm's extent; ``bead_gap`` how far beads of a path are
-    apart, of the scene's; a link shorter than ``shortest`` of the longest joins joints in one place, and is none. The
-    ground sign turns where the cosine between it and a link is above ``covered``: the link would lie over it. The
-    grid of the ground has about so many lines a side, ``grid``; of more than ``ground_ticks`` every second has its
-    words, which are not to touch far from the eye. A scene in space is seen from the direction of ``eye``,
-    so near that all is in sight with a ``label_margin`` [pixels] on either side, across and upwards. The viewer's
-    ``field_of_view`` [degrees] upwards was measured in a picture of it.
+    ``arrow`` is how long the arrow of a direction is, of the arm's extent, ``cross`` how far the mark reaches of where
+    a tool is to be; ``bead_gap`` how far beads of a path are apart, of the scene's; a link shorter than ``shortest`` of
+    the longest joins joints in one place, and is none. The ground sign turns where the cosine between it and a link is
+    above ``covered``: the link would lie over it. The grid of the ground has about so many lines a side, ``grid``; of
+    more than ``ground_ticks`` every second has its words, which are not to touch far from the eye. A scene in space is
+    seen from the direction of ``eye``, so near that all is in sight with a ``label_margin`` [pixels] on either side,
+    across and upwards. The viewer's ``field_of_view`` [degrees] upwards was measured in a picture of it.
     """
 
     arrow: float = 0.25
+    cross: float = 0.03
     bead_gap: float = 0.04
     shortest: float = 1e-6
     covered: float = 0.6

@@ -88,6 +88,10 @@ def named_unit(name: str, unit: str) -> str:
     return name if unit else f"{name} [1]"
 
 
-def value_text(value: float, unit: str, *, digits: int = 4) -> str:
-    """Return a value to so many digits with its unit, if it has one."""
-    return f"{value:.{digits}g} {unit}".rstrip()
+def value_text(value: float, unit: str, *, digits: int = 4, sign: str = "-") -> str:
+    """Return a value to so many digits with its unit, if it has one; with the ``sign`` "+" gains have one, too.
+
+    >>> value_text(2.0, "J s", sign="+"), value_text(-0.5, "")
+    ('+2 J s', '-0.5')
+    """
+    return f"{value:{sign}.{digits}g} {unit}".rstrip()

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from paretoik.inputs import shown
 from paretoik.robot.arm_inputs import JOINT_TYPES
 from paretoik.robot.body import inertia_fault
 from paretoik.robot.urdf_description import (
@@ -32,7 +33,7 @@ class ValidationOptions:
     """How much of a file is read, and how much of it messages quote."""
 
     max_links: int = 1000
-    max_name: int = 200  # characters
+    max_name: int = 200  # characters, those that are not printable as they are written in Python
     max_text: int = 80  # characters of a value that a message quotes
     axis_tolerance: float = 1e-3  # an axis whose length is farther from 1 was hardly meant as a direction
 
@@ -98,9 +99,9 @@ class _Reader:
             name = element.attributes.get("name", "")
             if not name:
                 self.fault(element, f"a <{tag}> must have a name, got none")
-            elif len(name) > OPTIONS.max_name:
-                wish = f"a name of at most {OPTIONS.max_name} characters"
-                self.fault(element, f"{tag} {name[: OPTIONS.max_text]!r}...: {wish} wanted, got {len(name)}")
+            elif len(repr(name)) - 2 > OPTIONS.max_name:
+                wish = f"a name of at most {OPTIONS.max_name} characters as they are printed"
+                self.fault(element, f"{tag} {shown(name)}: {wish} wanted, got {len(repr(name)) - 2}")
             elif name in elements:
                 self.fault(element, f"{tag} {name!r}: a name of its own wanted, got that of line {elements[name].line}")
             else:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
+from paretoik.inputs import shown
 from paretoik.robot.urdf_description import JointDescription, LinkDescription
 from paretoik.robot.urdf_faults import Fault
 
@@ -17,15 +18,17 @@ def find_tree_faults(
     for name, joint in joints.items():
         for tag, link in (("parent", joint.parent), ("child", joint.child)):
             if link and link not in links:
-                faults.append((lines[name], f"joint {name!r}: {tag} must be a link of the robot, got {link[:200]!r}"))
+                faults.append(
+                    (lines[name], f"joint {shown(name)}: {tag} must be a link of the robot, got {shown(link)}")
+                )
         if joint.child in parent_joint:
-            two = f"{parent_joint[joint.child]!r} and {name!r}"
-            faults.append((lines[name], f"link {joint.child!r}: must be the child of one joint, got {two}"))
+            two = f"{shown(parent_joint[joint.child])} and {shown(name)}"
+            faults.append((lines[name], f"link {shown(joint.child)}: must be the child of one joint, got {two}"))
         elif joint.child in links:
             parent_joint[joint.child] = name
         if joint.mimic and joint.mimic[0] not in joints:
             leader = joint.mimic[0][:200]
-            faults.append((lines[name], f"joint {name!r}: must mimic a joint of the robot, got {leader!r}"))
+            faults.append((lines[name], f"joint {shown(name)}: must mimic a joint of the robot, got {shown(leader)}"))
     for loop in _find_loops(joints, lambda joint: parent_joint.get(joint.parent)):
         names = ", ".join(repr(name) for name in loop)
         faults.append((lines[loop[0]], f"joints must form a tree, got the loop {names}"))

@@ -89,6 +89,18 @@ def _lasts(batch, timeline: str, time: int) -> bool:
     return timeline in times and min(batch.column(timeline).cast("int64").to_pylist()) <= time
 
 
+def first_instants(file: Path) -> dict[str, int]:
+    """Return the first time at which anything stands in a recording, by timeline."""
+    batches = [batch for each in read(file).values() for batch in each]
+    times = [
+        (name, min(batch.column(name).cast("int64").to_pylist()))
+        for batch in batches
+        for name in TIMELINES
+        if name in batch.schema.names
+    ]
+    return {name: min(time for each, time in times if each == name) for name, _ in times}
+
+
 def blank_views(file: Path, instants: dict[str, tuple[int, ...]]) -> list[tuple[str, str, int]]:
     """Return view, timeline and time of every view of the layout that shows nothing but axes at one of the instants."""
     entities = read(file)

@@ -39,7 +39,7 @@ def view_scales(file: Path) -> dict[str, float]:
 
     NaN is the scale of a view in space: there it changes with the distance from the eye.
     """
-    parts = _blueprint(file)
+    parts = layout_parts(file)
     (root,) = parts["viewport"]["ViewportBlueprint:root_container"]
     scales: dict[str, float] = {}
     _measure(parts, f"container/{UUID(bytes=bytes(root))}", np.array([VIEWS.width, VIEWS.body]), scales, titled=False)
@@ -78,7 +78,7 @@ def tabs_of_charts(file: Path) -> dict[str, tuple[str, Any, int]]:
 
     By their origins, as the layout that a recording opens with has them.
     """
-    parts = _blueprint(file)
+    parts = layout_parts(file)
     parents = {
         child: parts[name] | {"name": name}
         for name, part in parts.items()
@@ -96,7 +96,7 @@ def tabs_of_charts(file: Path) -> dict[str, tuple[str, Any, int]]:
     return tabs
 
 
-def _blueprint(file: Path) -> dict[str, dict[str, Any]]:
+def layout_parts(file: Path) -> dict[str, dict[str, Any]]:
     """Return the components of each entity of the layout that it opens with, as they stand at its end."""
     reader = rr.chunk.RrdReader(file)
     parts: dict[str, dict[str, Any]] = {}

@@ -79,7 +79,11 @@ FAULTS = {
     "link without a name": (robot(more="<link/>"), "line 6: a <link> must have a name, got none"),
     "name of a novel": (
         robot(more=f'<link name="{"x" * 5000}"/>'),
-        "a name of at most 200 characters wanted, got 5000",
+        "a name of at most 200 characters as they are printed wanted, got 5000",
+    ),
+    "name that is not printable": (
+        robot(more=f'<link name="{chr(127) * 60}"/>'),
+        "a name of at most 200 characters as they are printed wanted, got 240",
     ),
     "no links": (HEAD + TAIL, "line 2: the robot must have a link, got none"),
     "text damping": (limited(LIMIT + '<dynamics damping="wet"/>'), "dynamics damping must be a number, got 'wet'"),

@@ -84,7 +84,8 @@ class ArmDrawing:
     ) -> None:
         """Draw an arm in each posture of ``links``, a row of ``columns`` each.
 
-        The chosen one, without an ``axis``, is solid, with its width; those of axes are thin, each on those before.
+        The chosen one, without an ``axis``, has its links' width too and is drawn on those of axes, each of which is
+        drawn on those before.
         """
         placed, (rows, nodes, _) = self.place(links), links.shape
         kind, dots = self._kinds
@@ -117,7 +118,7 @@ class ArmDrawing:
         solid, place = axis is None, 0 if axis is None else axis % len(MARKS.arms)
         widths = (MARKS.solid_arm, MARKS.arms[place]) if self.planar else MARKS.spatial_arms
         colour, width = (SCREEN.arm if axis is None else SCREEN.end(axis)), widths[0 if solid else 1]
-        order = 5.0 if solid else 7.0 + 0.1 * place
+        order = 7.0 if solid else 5.0 + 0.1 * place
         parts: dict[str, tuple[Any, Colour, float]] = {"links": (rr.Radius.ui_points(width), colour, order)}
         if solid and self._width and self.planar:
             parts["body"] = (self._width, SCREEN.body, 2.0)

@@ -21,7 +21,7 @@ from paretoik.review.drawing.legend_entries import choice_entries
 from paretoik.review.drawing.motion_scene import NO_TIMES, MotionScene
 from paretoik.review.drawing.parallel_axes import ParallelAxes
 from paretoik.review.drawing.point_text import choice_text
-from paretoik.review.drawing.recorded_views import ROOTS, RecordedRun, recorded_tab
+from paretoik.review.drawing.recorded_views import ROOTS, RecordedRun
 from paretoik.review.drawing.recording_layout import choice_blueprint
 from paretoik.review.drawing.replay_clock import is_moving
 from paretoik.review.drawing.search_scene import SearchScene
@@ -108,9 +108,9 @@ class ChoiceLayer:
         """Let the arm of a point move, and stand still on the recording's timelines."""
         assert point.motion is not None
         motions.log(stream)
-        others = {} if self.recorded is None else self.recorded.timelines
-        for timeline, kind in {**others, self._timeline: others.get(self._timeline, "duration")}.items():
-            stream.set_time(timeline, **{kind: 0})
+        begins = {} if self.recorded is None else {name: each.first for name, each in self.recorded.timelines.items()}
+        for timeline, first in ({self._timeline: {"duration": 0.0}} | begins).items():
+            stream.set_time(timeline, **first)
         motions.log_whole(stream, [point])
         stream.reset_time()
         motions.send_motion(stream, point, times)
@@ -129,7 +129,7 @@ class ChoiceLayer:
         below: list[rrb.View] = [] if self._parallel is None else [self._parallel.view()]
         front = self.scene.view() if self._canvases else None
         name = " beside ".join(self._names)
-        tab = None if self.recorded is None else recorded_tab(self.scene, self._motions[0], self.recorded)
+        tab = None if self.recorded is None else self.recorded.tab()
         narrow = self.width < VIEWS.width
         return choice_blueprint(
             self._legend,

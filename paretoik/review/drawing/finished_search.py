@@ -287,10 +287,10 @@ class FinishedSearch:
         scene, choice = self.search.scene, self._end.choice
         chosen = "compromise" if self._nearest is None else self._chosen_words
         why = [] if choice is None else [rrb.TextDocumentView(origin=WHY, name="why")]
+        postures = "" if self._postures is None else "postures of the final front"
+        entries = search_entries(scene, motions, chosen=chosen, walked=len(self._walk) > 1, postures=postures)
         return Layout(
-            legend=Legend(
-                entity="legend", entries=search_entries(scene, motions, chosen=chosen, walked=len(self._walk) > 1)
-            ),
+            legend=Legend(entity="legend", entries=entries),
             front=self._views.front,
             charts=self._views.charts,
             arm=None if motions is None else motions.view(),

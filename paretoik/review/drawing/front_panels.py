@@ -94,9 +94,13 @@ def outside_panels(pairs: Sequence[Pair], canvases: Sequence[Canvas], points: Ob
 
 
 def normalised(F: Objectives, reference: Population) -> Objectives:
-    """Return points as shares of the ranges of a front; in the middle where it has but one value, as all are best."""
+    """Return points as shares of the ranges of a front.
+
+    Where a front has but one value this is in the middle, as all its points are best, and others are infinitely far.
+    """
     low, width = reference.min(axis=0), np.ptp(reference, axis=0)
-    normalised: Objectives = np.where(width > 0, (F - low) / np.where(width > 0, width, 1.0), 0.5)
+    without_range = np.where(low == F, 0.5, np.copysign(np.inf, F - low))
+    normalised: Objectives = np.where(width > 0, (F - low) / np.where(width > 0, width, 1.0), without_range)
     return normalised
 
 

@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from paretoik.arrays import Times, Values
 from paretoik.review.drawing.curve_charts import Chart, LimitLine, fit_below_tabs
-from paretoik.review.joint_units import is_sliding, joint_units
+from paretoik.review.joint_units import has_masses, is_sliding, joint_units
 from paretoik.review.palette import SCREEN
 from paretoik.review.recording.workcell import Workcell
 from paretoik.robot.scales import joint_scales
@@ -18,17 +18,20 @@ from paretoik.task.limits import JOINT_UNITS, usual_ranges
 
 CurvedMotion = tuple[np.ndarray, Mapping[str, np.ndarray]]  # times (time,), and (time, dof) by kind
 ALWAYS = ("position", "velocity", "torque")
+OF_MASSES = ("torque", "power")
 
 
 def joint_charts(root: str, cell: Workcell, motions: Sequence[CurvedMotion]) -> dict[str, Chart]:
     """Return a chart a kind of quantity at entities below ``root``, wide enough for all ``motions``, times with curves.
 
-    Accelerations and powers are drawn where they are limited.
+    Accelerations and powers are drawn where they are limited, of arms without masses neither torques nor powers.
     """
     charts = {}
     sliding = is_sliding(cell.arm)
     for kind, units in JOINT_UNITS.items():
         if not motions or (kind not in ALWAYS and kind not in cell.bounds):
+            continue
+        if kind in OF_MASSES and not has_masses(cell.arm):
             continue
         end = max(float(time[-1]) for time, _ in motions)
         duration = max(float(np.ptp(time)) for time, _ in motions) or 1.0

@@ -17,9 +17,17 @@ RESOLUTION_ENTRIES: tuple[Entry, ...] = (
 
 
 def search_entries(
-    scene: SearchScene, motions: MotionScene | None, *, chosen: str = "compromise", walked: bool = False
+    scene: SearchScene,
+    motions: MotionScene | None,
+    *,
+    chosen: str = "compromise",
+    walked: bool = False,
+    postures: str = "",
 ) -> list[Entry]:
-    """Return what is drawn of a search in which colour, with the points that are ``walked`` along if there are some."""
+    """Return what is drawn of a search in which colour, with the points that are ``walked`` along if there are some.
+
+    ``postures`` says which are drawn behind arms that stand still, "" where none are.
+    """
     loop = scene.timeline == "step"
     behind = {"level": "dominated", "refinement": "before"}.get(scene.timeline, "population")
     entries: list[Entry] = [("front of the step" if loop else "front", SCREEN.front), (chosen, SCREEN.chosen)]
@@ -33,7 +41,8 @@ def search_entries(
     if motions is None:
         return entries
     arm = f"arm of the {chosen}" if chosen == "compromise" else "arm"
-    return entries + motion_entries(motions, f"{arm}, or of the point looked at" if walked else arm)
+    arm = f"{arm}, or of the point looked at" if walked else arm
+    return entries + motion_entries(motions, arm, postures=postures)
 
 
 def plan_entries(motions: MotionScene | None, *, feasible: bool = True) -> list[Entry]:
@@ -77,16 +86,19 @@ def maxima_entries(cell: Workcell, word: str) -> list[Entry]:
     return entries + ([("obstacle", SCREEN.obstacle)] if cell.obstacles else [])
 
 
-def motion_entries(motions: MotionScene, arm: str = "arm") -> list[Entry]:
-    """Return what is drawn of motions in which colour; ``arm`` says whose is drawn solid."""
+def motion_entries(motions: MotionScene, arm: str = "arm", *, postures: str = "") -> list[Entry]:
+    """Return what is drawn of motions in which colour; ``arm`` says whose is drawn solid.
+
+    ``postures`` says which are drawn behind arms that stand still, "" where none are.
+    """
     cell = motions.workcell
     entries: list[Entry] = [(arm, SCREEN.arm)]
     if cell.link_radius:
         entries.append(("its links", SCREEN.body if cell.arm.is_planar else (*SCREEN.hull[:3], 255)))
     if any(point.motion is not None and not point.motion.is_standing for point in motions.points):
         entries += [("its postures over time", SCREEN.ghost), ("path of its tool", SCREEN.path)]
-    else:
-        entries.append(("other postures of the front", SCREEN.ghost))
+    elif postures:
+        entries.append((postures, SCREEN.ghost))
     if cell.paths:
         entries.append(("path to follow", SCREEN.target))
     if cell.places:

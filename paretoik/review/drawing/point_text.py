@@ -222,9 +222,9 @@ def _step_text(scene: SearchScene, generation: Generation) -> str:
     if generation.chosen is not None and len(generation.front):
         low, high = generation.front.min(axis=0), generation.front.max(axis=0)
         lines += [
-            f"- **{name}**: chosen {generation.chosen[axis]:.6g} {scene.units[axis]}; front: "
-            f"{range_text(low[axis], high[axis], scene.units[axis])}"
-            for axis, name in enumerate(scene.names)
+            f"- **{name}**: chosen {value_text(generation.chosen[axis], unit, digits=6)}; front: "
+            f"{range_text(low[axis], high[axis], unit)}"
+            for axis, (name, unit) in enumerate(zip(scene.names, scene.units, strict=True))
         ]
     return "\n".join(lines)
 
@@ -258,9 +258,10 @@ def _rates(front: Front, row: int) -> str:
     certificates = front.certificates
     assert certificates is not None
     rates = certificates.exchange_rates[row]
+    names = [named_unit(name, unit) for name, unit in zip(front.names, front.units, strict=True)]
     lines = [
-        f"- 1 {front.units[i] or front.names[i]} more of {front.names[i]}: {rates[i, j]:+.4g} {front.units[j]} of "
-        f"{front.names[j]}"
+        f"- {value_text(1.0, front.units[i])} more of {names[i]}: "
+        f"{value_text(rates[i, j], front.units[j], sign='+')} of {names[j]}"
         for i in range(len(front.names))
         for j in range(len(front.names))
         if i != j and np.isfinite(rates[i, j])

@@ -22,6 +22,7 @@ from paretoik.review.drawing.legend import Legend
 from paretoik.review.drawing.point_text import NO_RANGE, outside_text, range_text
 from paretoik.review.drawing.screen_text import screen_text
 from paretoik.review.drawing.search_scene import SearchScene
+from paretoik.review.drawing.tool_target import is_seen_beside, target_mark
 from paretoik.review.drawing_options import VIEWS
 from paretoik.review.palette import SCREEN
 from paretoik.review.recording.recorder import SearchedStep
@@ -29,13 +30,14 @@ from paretoik.review.recording.workcell import Workcell
 from paretoik.review.run_words import counted
 from paretoik.robot.kinematics import link_nodes
 
+POPULATION, ARMS, PATH = "population", "arms of the front", "path to follow"
 ENTRIES = (
-    ("population", SCREEN.population),
+    (POPULATION, SCREEN.population),
     ("front of the generation", SCREEN.front),
     ("chosen by the weights, or the individual looked at", SCREEN.chosen),
     ("its arm", SCREEN.arm),
-    ("arms of the front", SCREEN.ghost),
-    ("path to follow", SCREEN.target),
+    (ARMS, SCREEN.ghost),
+    (PATH, SCREEN.target),
     ("where the tool is to be", SCREEN.path),
 )
 
@@ -50,7 +52,7 @@ class StepScene:
 
     def view(self) -> rrb.Container:
         """Return the views: the fronts, and beside them the arm, below a legend."""
-        arm = self._drawing.view(f"arms of the front, step {self.step.sample}")
+        arm = self._drawing.view(f"{ARMS if self._shows_arms else 'arm'}, step {self.step.sample}")
         text = rrb.TextDocumentView(origin=f"{self._root}/text", name="generation, individual")
         shown = [*([self._scene.view()] if self._canvases else []), arm, text]
         views = rrb.Horizontal(*shown, column_shares=VIEWS.columns[-len(shown) :])
@@ -98,7 +100,7 @@ class StepScene:
         named = {"labels": [f"point {individual}" for individual in front], "show_labels": False}
         ghosts = drawing.strips(list(self._links(number, front)), SCREEN.ghost, 1.0, 0.0, **named)
         recording.log(f"{drawing.entity}/front", ghosts)
-        recording.log(f"{drawing.entity}/place", drawing.points(self.step.target[None], SCREEN.path, 5.0, 1.0))
+        recording.log(f"{drawing.entity}/place", target_mark(drawing, self.step.target))
         if len(front):
             self._log_individual(recording, number, int(self.step.chosen[number]))
 
@@ -134,6 +136,8 @@ class StepScene:
         ]
         if len(front) == 1:
             lines += ["", NO_RANGE]
+        if len(front) > 1 and not is_seen_beside(self._drawing, distance := self._distance(number)):
+            lines += ["", f"All arms of the front lie under the white one, at most {distance:.2g} m from it."]
         if len(front):
             low, high = objectives[front].min(axis=0), objectives[front].max(axis=0)
             ranges = zip(self.loop.names, low, high, self.loop.units, strict=True)
@@ -161,7 +165,35 @@ class StepScene:
     @property
     def _legend(self) -> Legend:
         obstacles = [("obstacle", SCREEN.obstacle)] if self.workcell is not None and self.workcell.obstacles else []
-        return Legend(entity=f"{self._root}/legend", entries=[*ENTRIES, *obstacles])
+        has_path = bool(self._drawing.workcell.paths)
+        shows = {POPULATION: self._shows_population, ARMS: self._shows_arms, PATH: has_path}
+        entries = [(words, colour) for words, colour in ENTRIES if shows.get(words, True)]
+        return Legend(entity=f"{self._root}/legend", entries=[*entries, *obstacles])
+
+    @cached_property
+    def _shows_population(self) -> bool:
+        """Whether any individual that is not on the front of its generation lies inside the axes."""
+        panels = list(zip(self._scene.panels.pairs, self._canvases, strict=False))
+        for objectives, front in zip(self.step.objectives, self.step.fronts, strict=True):
+            others = np.delete(objectives, front, axis=0)
+            shown = normalised(others, objectives[front]) if len(front) else others
+            if any(canvas.shows(shown[:, list(pair)]).any() for pair, canvas in panels):
+                return True
+        return False
+
+    @cached_property
+    def _shows_arms(self) -> bool:
+        """Whether in any generation an arm of the front is seen beside the chosen one."""
+        numbers = range(len(self.step.fronts))
+        return is_seen_beside(self._drawing, max(map(self._distance, numbers), default=0.0))
+
+    def _distance(self, number: int) -> float:
+        """Return how far nodes of the arms of a front are from those of the chosen one, at most [m]."""
+        front = self.step.fronts[number]
+        if not len(front):
+            return 0.0
+        chosen = self._links(number, self.step.chosen[number : number + 1])
+        return float(np.linalg.norm(self._links(number, front) - chosen, axis=-1).max())
 
     @cached_property
     def _scene(self) -> SearchScene:

@@ -13,6 +13,7 @@ from paretoik.review.drawing_options import VIEWS
 from paretoik.review.palette import SCREEN
 from paretoik.review.recording.workcell import Workcell
 from paretoik.robot.arms import marcos_nr, tringali_3r
+from paretoik.task.limits import LIMITED
 from paretoik.task.motion import Motion
 
 TIME = np.linspace(0.0, 2.0, 5)
@@ -91,9 +92,19 @@ def test_joints_that_stand_still_are_seen_to(arm, duration):
     motion = Motion(arm=arm, time=time, q=still, differences="spline")
     curves = {kind: getattr(motion, name) for kind, name in {**KINDS, "acceleration": "ddq", "power": "power"}.items()}
     charts = joint_charts("", Workcell(arm=arm), [(time, curves)])
-    for kind in ("velocity", "torque"):
+    assert ("torque" in charts) == any(body.mass > 0 for body in arm.bodies)
+    for kind in charts.keys() & {"velocity", "torque"}:
         low, high = ends(charts[kind])
         assert high - low > 1e6 * np.ptp(curves[kind])
+
+
+@pytest.mark.parametrize("kind", ["torque", "power"])
+@pytest.mark.parametrize("arm", [marcos_nr(3), tringali_3r()], ids=["without masses", "with masses"])
+def test_what_is_0_without_masses_is_drawn_of_arms_that_have_some_even_where_it_is_limited(arm, kind):
+    motion = Motion(arm=arm, time=np.linspace(0.0, 1.0, 11), q=np.linspace(0.0, 1.0, 11)[:, None] * np.ones(3))
+    curves = {each: getattr(motion, name) for each, name in LIMITED.items()}
+    cell = Workcell(arm=arm, bounds={kind: np.array([[[-1.0, 1.0]] * 3])})
+    assert (kind in joint_charts("", cell, [(motion.time, curves)])) == bool(np.any(motion.torque))
 
 
 def test_charts_that_become_tabs_of_a_tab_are_lower_by_its_row_of_names():

@@ -30,4 +30,4 @@ def test_all_that_the_search_of_a_step_shows_has_an_entry_in_its_colour():
 
 
 def test_of_arms_that_coincide_each_is_thinner_than_those_below_it():
-    assert all(above < below for below, above in pairwise([MARKS.solid_arm, *MARKS.arms]))
+    assert all(above < below for below, above in pairwise([*MARKS.arms, MARKS.solid_arm]))

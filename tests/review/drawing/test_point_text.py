@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 import rerun as rr
 
+from paretoik.front.certificates import Certificates
+from paretoik.front.front import Front
 from paretoik.review.drawing.drawn_axes import TEXT, text_width
-from paretoik.review.drawing.point_text import better_but_infeasible, text_of
+from paretoik.review.drawing.point_text import better_but_infeasible, point_text, text_of
 from paretoik.review.drawing.search_charts import search_charts
 from paretoik.review.drawing.search_scene import SearchScene
 from paretoik.review.recording.recorded_point import RecordedPoint
@@ -74,6 +76,36 @@ def test_numbers_of_a_generation_have_their_units():
     titles = [chart.labels[1] for chart, _, _ in search_charts(scene(), [both])]
     assert titles[0] == "hypervolume [J s]"
     assert titles[2] == "best reach [1] ↑"
+
+
+def certified() -> Front:
+    """A front of objectives with a unit and without, each point with rates of exchange."""
+    rates = np.array([[[-1.0, -0.003096], [-323.0, -1.0]]] * 2)
+    return Front(
+        ids=np.arange(2),
+        objectives=np.array([[1.0, 3.0], [2.0, 2.0]]),
+        names=("energy", "distance"),
+        units=("J s", ""),
+        maximised=(False, False),
+        certificates=Certificates(
+            violation=np.zeros(2),
+            violation_between=np.zeros(2),
+            kkt_residual=np.zeros(2),
+            weights=np.full((2, 2), 0.5),
+            exchange_rates=rates,
+            exchange_intervals=np.full((2, 2, 2, 2), np.nan),
+            status=np.array(["minimum", "minimum"]),
+        ),
+    )
+
+
+def test_what_has_no_unit_is_a_number_in_rates_and_steps():
+    words = point_text(certified(), 0, chosen=None).replace("\u00a0", " ")
+    assert "- 1 J s more of energy: -0.003096 of distance [1]\n" in words
+    assert "- 1 more of distance [1]: -323 J s of energy" in words
+    step = generation([[1.0, 2.0], [2.0, 3.0]], chosen=np.array([1.0, 2.0]))
+    assert "**reach**: chosen 2; front: 2 to 3" in text_of(scene("step"), step)
+    assert "  " not in words + text_of(scene("step"), step)
 
 
 def test_a_run_is_told_in_words():

@@ -8,8 +8,8 @@ import paretoik as pk
 from paretoik.review.drawing.chosen_recording import recording_with_choice
 from paretoik.review.drawing.recorded_views import read_recorded
 from paretoik.task.limits import JOINT_UNITS
-from tests.review.reading import read, static_values
-from tests.review.view_sizes import tabs_of_charts, touching_words
+from tests.review.reading import blank_views, first_instants, read, static_values
+from tests.review.view_sizes import layout_parts, tabs_of_charts, touching_words
 
 
 @pytest.fixture(scope="module")
@@ -49,11 +49,25 @@ def test_every_chart_beside_a_choice_fills_its_view_and_is_nowhere_cut(recording
         words = static_values(entities[f"{origin}/labels"], "positions")
         lowest = max(y for _, y in words)
         assert bounds["y_range"][1] - 30.0 < lowest < bounds["y_range"][1], name
-    assert not touching_words(chosen)
+    measured = [origin for origin in tabs if origin != "/parallel"]
+    assert not touching_words(chosen, [*measured, "/front", "/choice/front"])
 
 
-def test_a_recording_has_its_views_in_their_order_whether_something_was_chosen_or_not(recordings):
-    recorded, chosen = map(read_recorded, recordings)
-    assert recorded == chosen
-    names = [view.name for view in recorded.views]
-    assert names.index("joint position") < names.index("joint velocity") < names.index("joint torque")
+def test_beside_a_choice_the_run_has_the_very_views_that_it_was_drawn_with(recordings):
+    """Titles, words to read, and whatever a view of the recorded layout has; none has the name of the choice."""
+    recording, chosen = recordings
+    assert read_recorded(recording) == read_recorded(chosen)
+    before, beside = map(layout_parts, recordings)
+    recorded = {path: part for path, part in before.items() if path.split("/")[0] in ("container", "view")}
+    assert recorded.items() <= beside.items()
+    titles = {part.get("ViewBlueprint:display_name", [""])[0] for part in recorded.values()}
+    assert {"front", "arm", "joint torque", "generation, chosen", "why"} <= titles
+
+
+def test_where_a_run_begins_its_views_beside_a_choice_begin_too(recordings):
+    """A slider reaches as far back as anything was logged: what a choice adds begins with the run, never before."""
+    recording, chosen = recordings
+    begins = {name: each.begin for name, each in read_recorded(recording).timelines.items()}
+    assert begins["generation"] == 1
+    assert first_instants(chosen) == begins
+    assert not blank_views(chosen, {name: (begin,) for name, begin in begins.items()})

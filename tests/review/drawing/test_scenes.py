@@ -264,6 +264,25 @@ def test_nothing_that_runs_inside_links_or_along_a_path_is_hidden_by_them(run):
         assert "● its links" in static_words(entities["/legend/words"])
 
 
+def test_the_arm_of_the_compromise_is_drawn_on_those_of_the_best_points(run):
+    name, front, file = run
+    if name == "spatial":
+        return  # there what is nearer is on top
+    entities = read(file)
+    parts = [f"/arm/best\\ {objective}" for objective in front.names]
+    best = [static_values(entities[f"{part}/{each}"], "draw_order") for part in parts for each in ("links", "joints")]
+    chosen = [static_values(entities[f"/arm/chosen/{each}"], "draw_order") for each in ("links", "joints")]
+    assert np.min(chosen) > np.max(best)
+
+
+def test_the_legend_says_whose_postures_are_behind_an_arm_that_stands_still(run):
+    name, _, file = run
+    entities = read(file)
+    words = set(static_words(entities["/legend/words"]))
+    assert ("● postures of the final front" in words) == (name == "directions") == ("/arm/postures" in entities)
+    assert not any("other postures" in word for word in words)
+
+
 def test_words_of_axes_and_places_lie_off_the_lines_that_they_name(run):
     name, front, file = run
     entities = read(file)
@@ -310,21 +329,30 @@ def test_each_axis_has_ticks_and_a_unit(run):
     assert sum(word.lstrip("-").replace(".", "").isdigit() for word in words) >= 4
 
 
+def joint_views(name: str) -> tuple[list[str], list[str]]:
+    """Return the charts of joints that the layout of a run shows, and those that it leaves out.
+
+    Arms that stand still have their postures over the front in place of curves over time.
+    """
+    joints = ["/joint_charts"]
+    return (["/postures"], joints) if name == "directions" else (joints, [])
+
+
 def test_no_number_or_name_of_an_axis_touches_its_frame_or_another(run):
     name, _, file = run
     flat = [] if name == "spatial" else ["/arm"]
-    joints = ["/joint_charts"]  # of a standing arm they are drawn for a choice, whose layout shows them
-    charts, not_in_layout = (["/postures"], joints) if name == "directions" else (joints, [])
+    charts, not_in_layout = joint_views(name)
     assert not touching_words(file, ["/front", "/charts", *flat, *charts], not_in_layout=not_in_layout)
 
 
 def test_a_choice_stands_beside_another_in_the_same_recording(run, tmp_path):
-    _, front, file = run
+    name, front, file = run
     first, last = front[int(front.ids[0])], front[int(front.ids[-1])]
     (tmp_path / "choice.rrd").write_bytes(recording_with_choice(front, first, recording=file, compare=last))
     entities = read(tmp_path / "choice.rrd")
-    charts = [*("front", "charts", "joint_charts"), "choice/front", "choice/joint_charts", "compared/joint_charts"]
-    assert not touching_words(tmp_path / "choice.rrd", [f"/{chart}" for chart in charts])
+    joints, not_in_layout = joint_views(name)
+    charts = [*joints, *("/front", "/charts", "/choice/front", "/choice/joint_charts", "/compared/joint_charts")]
+    assert not touching_words(tmp_path / "choice.rrd", charts, not_in_layout=not_in_layout)
     for root, choice in (("choice", first), ("compared", last)):
         motion = record_motion(choice.motion, curves=False)
         timeline, count = ("generation", 1) if motion.is_standing else ("motion", len(motion.time))
@@ -353,7 +381,8 @@ def test_a_choice_stands_on_every_timeline_of_a_recording_whatever_verb_it_is_of
     recorded = read_recorded(file)
     assert recorded.timeline == timeline
     walked = {"point": "sequence"} if len(front) > 1 else {}
-    assert recorded.timelines == {timeline: "sequence", "motion": "duration", "replay": "duration"} | walked
+    kinds = {name: each.kind for name, each in recorded.timelines.items()}
+    assert kinds == {timeline: "sequence", "motion": "duration", "replay": "duration"} | walked
     (tmp_path / "choice.rrd").write_bytes(recording_with_choice(front, front[int(front.ids[0])], recording=file))
     entities = read(tmp_path / "choice.rrd")
     everything = entities | {path: batches for path, batches in read(file).items() if path not in entities}
@@ -382,8 +411,8 @@ def test_a_closed_loop_opens_on_the_step_whose_search_was_recorded(tmp_path):
     notes = rows(entities[r"/front/joint_displacement\ -\ position_error/note"], "step", "labels")
     assert notes[0].tolist() == ["no front before step 1"]
     assert not touching_words(file, ["/arm", "/charts", "/front", "/joint_charts", "/step_7/arm", "/step_7/front"])
-    numbers = static_words(entities["/joint_charts/torque/labels"])
-    assert {"-1", "0", "1"} <= set(numbers), "an arm without masses has no torque"
+    charts = {path.split("/")[2] for path in entities if path.startswith("/joint_charts/")}
+    assert charts == {"position", "velocity"}, "an arm without masses has no torque"
     assert not len(notes.get(1, ()))
     words = rows(entities["/text"], "step", "text")
     assert str(words[0][0]).startswith("# Step 0\n\nThe arm stands where it begins")

@@ -1,0 +1,97 @@
+"""The search of a control step: its legend names what can be seen, and words say what cannot."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import rerun as rr
+
+from paretoik.review.drawing.search_scene import SearchScene
+from paretoik.review.drawing.step_scene import StepScene
+from paretoik.review.drawing_options import MARKS
+from paretoik.review.palette import SCREEN
+from paretoik.review.recording.recorder import SearchedStep
+from tests.review.conftest import swinging_arm
+from tests.review.reading import last_text, read, rows, static_words
+
+LOOP = SearchScene(names=("displacement", "share"), units=("rad", ""), maximised=(False, False), timeline="step")
+TRADE_OFF = np.stack([np.linspace(0.0, 1.0, 6), np.linspace(1.0, 0.0, 6)], axis=1)
+BEHIND = np.array([[0.0, 1.0], [1.0, 0.0], [0.4, 0.4], [0.7, 0.8], [0.8, 0.8], [5.0, 5.0]])
+
+
+def step(objectives, reach: float, *, planar: bool = True) -> SearchedStep:
+    """A search of six individuals whose arms are up to ``reach`` rad from each other."""
+    objectives = np.array(objectives)
+    q = np.array([0.3, 0.5, 0.4]) + reach * np.linspace(0.0, 1.0, 6)[:, None] * np.ones(3)
+    fronts = [front(each) for each in objectives]
+    return SearchedStep(
+        sample=7,
+        arm=swinging_arm(planar),
+        objectives=objectives,
+        q=np.broadcast_to(q, (len(objectives), 6, 3)),
+        fronts=fronts,
+        chosen=np.array([each[0] for each in fronts]),
+        target=np.array([1.0, 1.0, 0.0]),
+    )
+
+
+def front(F):
+    dominated = ((F[None] <= F[:, None]).all(axis=2) & (F[None] < F[:, None]).any(axis=2)).any(axis=1)
+    rows = np.flatnonzero(~dominated)
+    return rows[np.argsort(F[rows, 0], kind="stable")]
+
+
+def recorded(searched: SearchedStep, file):
+    scene = StepScene(loop=LOOP, step=searched)
+    with rr.RecordingStream("step") as stream:
+        stream.save(file)
+        scene.log(stream, {})
+    return scene, read(file)
+
+
+def legend(entities) -> set[str]:
+    return {word.removeprefix("● ") for word in static_words(entities["/step_7/legend/words"])}
+
+
+@pytest.mark.parametrize("planar", [True, False])
+@pytest.mark.parametrize(("reach", "is_seen"), [(1e-6, False), (0.5, True)])
+def test_arms_of_the_front_are_named_where_they_are_seen_beside_the_chosen_one(tmp_path, reach, is_seen, planar):
+    scene, entities = recorded(step([TRADE_OFF], reach, planar=planar), tmp_path / "step.rrd")
+    assert ("arms of the front" in legend(entities)) == is_seen
+    assert (scene.view().contents[1].contents[1].name == "arms of the front, step 7") == is_seen
+    words = last_text(entities["/step_7/text"], "generation", 0)
+    assert ("All arms of the front lie under the white one, at most" in words) == (not is_seen)
+
+
+@pytest.mark.parametrize(("generations", "is_drawn"), [([TRADE_OFF], False), ([TRADE_OFF, BEHIND], True)])
+def test_a_population_is_in_the_legend_where_one_of_it_is_drawn_and_not_on_the_front(tmp_path, generations, is_drawn):
+    _, entities = recorded(step(generations, 0.5), tmp_path / "step.rrd")
+    assert ("population" in legend(entities)) == is_drawn
+
+
+def test_individuals_beside_a_front_of_one_point_lie_outside_its_axes_and_are_counted(tmp_path):
+    best = np.concatenate([np.full((1, 2), -1.0), TRADE_OFF[1:]])
+    _, entities = recorded(step([best, TRADE_OFF], 0.5), tmp_path / "step.rrd")
+    drawn = rows(entities[r"/step_7/front/displacement\ -\ share/population"], "generation", "positions")
+    assert [len(drawn[number]) for number in (0, 1)] == [1, 6]
+    words = last_text(entities["/step_7/text"], "generation", 0)
+    assert "1 point on its front" in words
+    assert "5 of 6 individuals lie outside the axes, which show what is near the front." in words
+    assert "outside the axes" not in last_text(entities["/step_7/text"], "generation", 1)
+
+
+def test_where_the_tool_is_to_be_is_seen_around_a_tool_that_is_there(tmp_path):
+    scene, entities = recorded(step([TRADE_OFF], 0.5), tmp_path / "step.rrd")
+    (ring,) = rows(entities["/step_7/arm/place"], "generation", "strips")[0]
+    middle = scene._drawing.place(scene.step.target)
+    radii = np.linalg.norm(np.array(ring) - middle, axis=1)
+    np.testing.assert_allclose(radii, MARKS.target_ring, rtol=1e-3)
+    assert MARKS.target_ring - 1.2 > 1.875 * MARKS.solid_arm  # the radius of the tool
+    assert ("where the tool is to be", SCREEN.path) in scene._legend.entries
+    assert "path to follow" not in legend(entities)  # there is none
+
+
+def test_in_space_a_cross_reaches_beyond_the_tool(tmp_path):
+    _, entities = recorded(step([TRADE_OFF], 0.5, planar=False), tmp_path / "step.rrd")
+    strips = rows(entities["/step_7/arm/place"], "generation", "strips")[0]
+    assert np.linalg.norm([np.subtract(*strip) for strip in np.array([list(map(list, each)) for each in strips])]) > 0.1
