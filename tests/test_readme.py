@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 import paretoik as pk
-from paretoik.loading import load_problem
+from paretoik.loading import load_problem, load_value
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -31,10 +31,13 @@ def test_the_examples_run_as_printed(capsys, monkeypatch):
 
 def test_the_problem_of_the_problems_readme_can_be_solved(tmp_path):
     readme = (ROOT / "problems" / "README.md").read_text(encoding="utf-8")
-    (example,) = blocks(readme.partition("## One's own\n")[2])
-    (tmp_path / "mine.py").write_text(example)
+    example, controller = blocks(readme.partition("## One's own\n")[2])
+    (tmp_path / "mine.py").write_text(f"{example}\n\n{controller}")
     shutil.copy(ROOT / "problems" / "robots" / "panda.urdf", tmp_path)
     problem = load_problem(f"{tmp_path / 'mine.py'}:reach")
+    limits = load_value("controller", f"{tmp_path / 'mine.py'}:CONTROLLER")
+    assert isinstance(limits, pk.controllers.Controller)
+    assert tuple(limits.joint_names) == tuple(problem.task.arm.joint_names)
     front = pk.solve(problem, population=12, generations=2, seed=1)
     assert front.names == ("kinetic_energy", "elbow_height")
     assert front.motions.clearance.min() >= 0.01 - 1e-9

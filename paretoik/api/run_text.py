@@ -38,8 +38,17 @@ def status_text(front: Front) -> str:
         case _:
             return (
                 f"{points} after {counts['generations']} generations, {counts['evaluations']} evaluations and "
-                f"{duration} ({ending_words(status)})"
+                f"{duration} ({_ending(front, status)})"
             )
+
+
+def _ending(front: Front, status: str) -> str:
+    """Return why a search ended; of a time limit that left some time, for what."""
+    settings, seconds = front.provenance.get("settings", {}), front.provenance["counts"]["seconds"]
+    limit = settings.get("time_limit")
+    if status != "time limit" or limit is None or seconds >= limit:
+        return ending_words(status)
+    return f"the time limit of {limit:g} s was reached, less what certificates might have taken"
 
 
 def plan_text(plan: Plan, name: str, unit: str, out: Path) -> str:

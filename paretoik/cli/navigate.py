@@ -10,6 +10,9 @@ import typer
 from paretoik.api.result_text import choice_text, entries
 from paretoik.cli.console import JsonFlag, RunFolder, print_json, stdout_for_results
 from paretoik.cli.options import RunProblem
+from paretoik.front.front import Front
+from paretoik.front.provenance import NAVIGATIONS
+from paretoik.shell_command import shell_command
 
 
 def navigate(
@@ -38,7 +41,6 @@ def navigate(
     """
     with stdout_for_results():
         from paretoik.api.navigate import navigate as move
-        from paretoik.front.provenance import NAVIGATIONS
 
         front, choice, place = move(
             run,
@@ -59,4 +61,12 @@ def navigate(
         if point is None:
             print(f"from the present choice, point {start}:")
         print(choice_text(front, choice))
-        print(f"kept in {place}")
+        print(f"kept in {place}{_why_beside(front, run) if out is None and place != run else ''}")
+        print(f"export:  {shell_command('paretoik', 'export', place, '--point', str(choice.id))}")
+
+
+def _why_beside(front: Front, run: Path) -> str:
+    """Return why a new front is not kept in the run itself."""
+    if front.provenance[NAVIGATIONS][-1]["dominated"]:
+        return f", as the new point dominates points of {run}, which loses none"
+    return f", as {run} was stopped and can go on, which would drop the new point"

@@ -41,7 +41,8 @@ def _worst(values: Values) -> str:
     """Return the worst of the values that are not NaN, in words; "" where all are."""
     if len(values) and np.isnan(values).all():
         return ""
-    return f"at most {np.fmax.reduce(values, initial=0.0):.1e}"
+    worst = float(np.fmax.reduce(values, initial=0.0))
+    return f"at most {worst:.1e}" if worst else "at most 0"
 
 
 def _kinds_of_reason(certificates: Certificates) -> list[str]:

@@ -29,7 +29,10 @@ def fit_motion(
     uses, moving = _measure(motion, scaling, controller)
     for use in uses:
         if use.exceeded and use.quantity not in ORDERS:
-            advice = "no slowing down helps: plan with pk.Limits(position=...) inside the controller's"
+            advice = (
+                "no slowing down helps: plan with pk.Limits(position=...) inside the controller's; "
+                "pk.Limits(margin=2e-4) makes up for what motions pass their limits by between samples"
+            )
             raise _refusal(motion, controller, use, advice)
     if moving is None and not (uses and uses[0].exceeded):
         return sample_motion(motion, scaling), scaling, uses

@@ -281,7 +281,8 @@ def _side(kind: str, values: object, arm: Arm, samples: int) -> np.ndarray:
     if array.shape not in ((), (arm.dof,), (samples, arm.dof)):
         raise InvalidInput(
             f"{kind} limit wants one number, {arm.dof} (one a joint) or an array ({samples}, {arm.dof}), got shape "
-            f"{array.shape}; a lower and an upper limit are a tuple (lower, upper) of these"
+            f"{array.shape}; a lower and an upper limit are a tuple (lower, upper) of these, such as "
+            "tuple(arm.position_limits.T)"
         )
     return np.broadcast_to(array, (max(1, len(array) if array.ndim == 2 else 1), arm.dof))
 
