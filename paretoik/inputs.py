@@ -63,7 +63,12 @@ def shown(value: object) -> str:
         text = _REPR.repr(value)
     except Exception:  # such as an integer of more digits than Python writes
         text = f"a {type(value).__name__}"
-    return _shortened(" ".join(text.split()))
+    return clipped(" ".join(text.split()))
+
+
+def clipped(text: str) -> str:
+    """Return a text as an error shows it: no more than its beginning where it is long."""
+    return text if len(text) <= OPTIONS.shown else f"{text[: OPTIONS.shown]}..."
 
 
 def listed(names: Iterable[str]) -> str:
@@ -274,7 +279,3 @@ def check_mapping(name: str, value: object, wish: str, *, example: str = "") -> 
 
 def _such_as(example: str) -> str:
     return f", such as {example}" if example else ""
-
-
-def _shortened(text: str) -> str:
-    return text if len(text) <= OPTIONS.shown else f"{text[: OPTIONS.shown]}..."

@@ -103,7 +103,7 @@ def _import_module(place: str, what: str = "problem") -> ModuleType:
         if dotted == missing or dotted.startswith(f"{missing}."):
             hint = likely_spelling(missing, [file.stem for file in root.glob("*.py")])
             raise InvalidInput(
-                f"module {dotted!r}: wanted FILE.py or a module, got no module {missing!r}{hint}"
+                f"module {shown(dotted)}: wanted FILE.py or a module, got no module {shown(missing)}{hint}"
             ) from error
         raise InvalidInput(f"{what} file {place}: wanted to load it, got no module {missing!r} installed") from error
     except (Exception, SystemExit) as error:  # a user's file may raise anything

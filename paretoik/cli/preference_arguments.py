@@ -13,7 +13,7 @@ from paretoik.front.choices import present_point, read_choices
 from paretoik.front.compromise import Compromise
 from paretoik.front.preferences import Aspiration, Bounds, Classify, Knee, Lexicographic, Robust, Weights
 from paretoik.front.preferences.point import Point
-from paretoik.inputs import likely_spelling
+from paretoik.inputs import clipped, likely_spelling, shown
 
 CLASSES = "improve, improve:VALUE, keep, relax:VALUE or free"
 PREFERENCE_OF_OPTION = {"uncertainty": "robust", "from": "classify"}
@@ -94,11 +94,11 @@ def parse_bounds(text: str) -> dict[str, tuple[float | None, float | None]]:
     for part in text.split(","):
         match = re.fullmatch(r"\s*(.+?)\s*(<=|>=)\s*(\S+)\s*", part)
         if match is None:
-            raise InvalidInput(f"bounds: wanted 'NAME<=VALUE,NAME>=VALUE' in quotes, got {part!r}")
+            raise InvalidInput(f"bounds: wanted 'NAME<=VALUE,NAME>=VALUE' in quotes, got {shown(part)}")
         name, sign, value = match[1], match[2], _number("bounds", match[1], match[3])
         lower, upper = bounds.get(name, (None, None))
         if (upper if sign == "<=" else lower) is not None:
-            raise InvalidInput(f"bounds: wanted one bound on each side, got {name} {sign} twice")
+            raise InvalidInput(f"bounds: wanted one bound on each side, got {clipped(name)} {sign} twice")
         bounds[name] = (lower, value) if sign == "<=" else (value, upper)
     return bounds
 
@@ -115,7 +115,7 @@ def parse_classes(text: str, start: int | None, run: Path) -> Classify:
             lists[word].append(name)
         else:
             hint = likely_spelling(word, ("improve", "keep", "relax", "free"))
-            raise InvalidInput(f"classify: wanted of {name} {CLASSES}, got {kind!r}{hint}")
+            raise InvalidInput(f"classify: wanted of {clipped(name)} {CLASSES}, got {shown(kind)}{hint}")
     if start is None:
         start = present_point(read_choices(run), name="--from")
     return Classify(start, improve_to=values["improve"], relax_to=values["relax"], **lists)
@@ -125,7 +125,7 @@ def _parts(option: str, text: str, form: str) -> Iterator[tuple[str, str]]:
     for part in text.split(","):
         name, separator, value = map(str.strip, part.partition("="))
         if not separator or not name:
-            raise InvalidInput(f"{option}: wanted {form}, got {part!r}")
+            raise InvalidInput(f"{option}: wanted {form}, got {shown(part)}")
         yield name, value
 
 
@@ -133,4 +133,4 @@ def _number(option: str, name: str, text: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise InvalidInput(f"{option}: wanted a number for {name}, got {text!r}") from None
+        raise InvalidInput(f"{option}: wanted a number for {clipped(name)}, got {shown(text)}") from None
