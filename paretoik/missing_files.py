@@ -36,8 +36,8 @@ def missing_file(path: Path) -> str:
         os.lstat(path)
     except (FileNotFoundError, NotADirectoryError):
         return _missing_part(path)
-    except OSError as fault:  # a name that is too long, a folder that nobody may look into
-        return f"a path that cannot be followed, {fault.strerror}"
+    except (OSError, ValueError) as fault:  # too long, not to be looked into, with characters that no path has
+        return f"a path that cannot be followed, {getattr(fault, 'strerror', None) or fault}"
     return _kind(path)
 
 

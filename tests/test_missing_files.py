@@ -38,6 +38,7 @@ def folder(tmp_path):
         ("ahead", "a link to a folder"),
         ("x.urdf", "no such file"),  # whose ending alone is that of arm.urdf
         ("x" * 300, "a path that cannot be followed, File name too long"),
+        ("a\0b", "a path that cannot be followed, embedded null byte"),
         ("pipe", "something else"),
     ],
 )
