@@ -75,7 +75,7 @@ class Chart:
             lines = rr.LineStrips2D(strips, colors=colours, radii=rr.Radius.ui_points(0.9), draw_order=0.5)
             recording.log(f"{self.entity}/limits", lines, static=True)
         if far := [limit for limit in self.limits if not self._is_near(limit)]:
-            words = self._fitting("limits beyond: " + _far_limits(far))
+            words = self._fitting(f"limits beyond: {_far_limits(far)}", "other limits lie beyond")
             place = np.array([[self.canvas.width - 0.5 * text_width(words), -0.7 * TEXT.line]])
             recording.log(f"{self.entity}/limits_beyond", labels([words], place, SCREEN.limit), static=True)
 
@@ -197,9 +197,10 @@ class Chart:
             return TEXT.right
         return min(0.5 * self.total[0], 16.0 + (text_width(max(self.names, key=len)) + 8.0) * self._name_columns)
 
-    def _fitting(self, words: str) -> str:
+    def _fitting(self, words: str, shorter: str) -> str:
+        """Return words, or shorter ones where there is no room for them."""
         room = int((self.canvas.width - text_width(self.labels[1]) + 30.0) / TEXT.character)
-        return words if len(words) <= room else words[: max(room - 1, 1)] + "…"
+        return words if len(words) <= room else shorter
 
 
 def fit_below_tabs(charts: Sequence[Chart], names_before: Sequence[str] = ()) -> list[Chart]:

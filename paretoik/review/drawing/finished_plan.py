@@ -260,9 +260,10 @@ class FinishedPlan:
     @cached_property
     def _layout(self) -> Layout:
         motions, feasible = self._motions, self.end is None or self.end.least_violating is None
+        entries = plan_entries(motions, optima=self._count, feasible=feasible)
         notes: list[rrb.View] = [note_view()] if self._note else []
         return Layout(
-            legend=Legend(entity="legend", entries=plan_entries(motions, feasible=feasible)),
+            legend=Legend(entity="legend", entries=entries),
             front=self._panel.view(),
             charts=[chart.view() for chart, _, _ in self._charts],
             arm=None if motions is None else motions.view(),

@@ -45,15 +45,18 @@ def search_entries(
     return entries + motion_entries(motions, arm, postures=postures)
 
 
-def plan_entries(motions: MotionScene | None, *, feasible: bool = True) -> list[Entry]:
-    """Return what is drawn of a plan in which colour, also of one without a feasible motion."""
+def plan_entries(motions: MotionScene | None, *, optima: int = 2, feasible: bool = True) -> list[Entry]:
+    """Return what is drawn of a plan in which colour, also of one without a feasible motion.
+
+    Of several ``optima`` one is looked at; a single one is the best.
+    """
     entries: list[Entry] = [
         ("start", SCREEN.population),
         ("start beyond the axes: a dash at their edge", SCREEN.population),
         ("what it led to", SCREEN.front),
         ("start that led to no optimum", SCREEN.failed),
         ("best, of a level or in the end", SCREEN.chosen),
-        ("optimum looked at", SCREEN.arm),
+        *([("optimum looked at", SCREEN.arm)] if optima > 1 else []),
         ("values of the optima", SCREEN.final),
     ]
     if not feasible:

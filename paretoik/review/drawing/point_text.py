@@ -68,6 +68,8 @@ def _point_text(front: Front, row: int, title: str, reason: str) -> str:
             f"{front.violation[row]:.2g} of a limit's range."
         )
     parts.append(run_text(front.provenance))
+    if front.certificates is not None and front.provenance.get("settings", {}).get("refine"):
+        parts.append("Curves over generations are those of the search, before its points were refined.")
     return screen_text(unbroken_units("\n\n".join(part for part in parts if part), front.units))
 
 
