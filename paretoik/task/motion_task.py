@@ -231,7 +231,7 @@ class MotionTask:
         elif name == "clearance":
             message = f"clearance is {self.min_clearance - motion.clearance.min():.3g} m short{where}"
         else:
-            message = f"{name} is {'exceeded' if where else 'violated'} {amount}{where}"
+            message = f"{name} is {self._end(worst, motion) or ('exceeded' if where else 'violated')} {amount}{where}"
         others = np.flatnonzero(violations >= (1 - 1e-3) * violations[worst]).tolist()
         tied = [f"{self.limit_names[i]}{self._where(i, motion, numbers)}" for i in others if i != worst]
         return message + (f"; so is {' and '.join(tied)}" if tied else "")
@@ -251,6 +251,15 @@ class MotionTask:
         """Return the sample next to where a single motion violates a limit most; −1 for a limit on the whole motion."""
         instant = self.worst_instant(limit, motion := motion.instants)
         return instant if instant < 0 else int(np.argmin(np.abs(self.times - motion.time[instant])))
+
+    def _end(self, limit: int, motion: Motion) -> str:
+        """Return in words which end of a position limit is exceeded; "" for other limits."""
+        kind, _, joint = self.limit_names[limit].partition(" of ")
+        if kind != "position" or kind not in self.bounds:
+            return ""
+        instant, j = self.worst_instant(limit, motion), self.arm.joint_names.index(joint)
+        bounds = np.broadcast_to(self.bounds_at(kind, motion.time)[..., j, :], (len(motion.time), 2))
+        return "below its lower limit" if motion.q[instant, j] < bounds[instant, 0] else "above its upper limit"
 
     def _where(self, limit: int, motion: Motion, numbers: Int[np.ndarray, " time"] | None) -> str:
         """Return in words when a limit is violated most; "" for a limit on the whole motion."""

@@ -110,12 +110,12 @@ def test_the_binding_limit_is_told_with_joint_share_sample_and_time():
     q[5, 1] = 1.5
     assert (
         result.describe_violation(result.motion(q))
-        == "position of joint2 is exceeded by 25 % of its range at sample 5 (0.25 s)"
+        == "position of joint2 is above its upper limit by 25 % of its range at sample 5 (0.25 s)"
     )
     q[5, 1] = 1.5 + 1e-9
     q[11, 2] = -9.0
     message = result.describe_violation(result.motion(q))
-    assert message == "position of joint3 is exceeded by 400 % of its range at sample 11 (0.55 s)"
+    assert message == "position of joint3 is below its lower limit by 400 % of its range at sample 11 (0.55 s)"
 
 
 def test_limits_that_are_violated_alike_are_told_together():
@@ -123,7 +123,9 @@ def test_limits_that_are_violated_alike_are_told_together():
     q = np.zeros((21, 3))
     q[5, 1], q[7, 2] = 1.5, -1.5
     message = result.describe_violation(result.motion(q))
-    assert message.startswith("position of joint2 is exceeded by 25 % of its range at sample 5 (0.25 s); so is")
+    assert message.startswith(
+        "position of joint2 is above its upper limit by 25 % of its range at sample 5 (0.25 s); so is"
+    )
     assert message.endswith("so is position of joint3 at sample 7 (0.35 s)")
 
 
