@@ -121,7 +121,8 @@ def _root_and_name(path: Path) -> tuple[Path, str]:
 
 def _quoted(reference: str) -> str:
     """Return a reference as an error shows it: whole where it has the length of a path, as it may be typed again."""
-    return repr(reference) if len(reference) <= LONGEST else shown(reference)
+    quoted = repr(reference)
+    return quoted if len(quoted) <= LONGEST else shown(reference)
 
 
 def _refuse_clash(root: Path, package: str) -> None:

@@ -16,7 +16,7 @@ from paretoik.inputs import likely_spelling
 class MissingFileOptions:
     """Of a folder at most so many ``entries`` are looked at for a name like the one that is missing.
 
-    Of a longer path the last ``longest`` characters are shown.
+    The missing part of a path is named where that takes no more than ``longest`` characters.
     """
 
     entries: int = 1000
@@ -54,17 +54,16 @@ def _missing_part(path: Path) -> str:
         missing = missing.parent
     folder = missing.parent
     if not folder.is_dir():
-        return f"a path through {_end_of(folder)}, which is no folder"
-    what = "no such file" if missing == path else f"no folder {_end_of(missing)}"
+        return f"a path through {folder if _is_short(folder) else 'a part'}, which is no folder"
+    what = "no such file" if missing == path else f"no folder {missing}" if _is_short(missing) else "no such folder"
     place = "" if path.is_absolute() else f" in {Path.cwd()}"
     names = _names(folder, folders=missing != path)
     near = [name for name in names if get_close_matches(missing.stem, [Path(name).stem])]
     return f"{what}{place}{likely_spelling(missing.name, near)}"
 
 
-def _end_of(path: Path) -> str:
-    text = str(path)
-    return text if len(text) <= OPTIONS.longest else f"...{text[-OPTIONS.longest :]}"
+def _is_short(path: Path) -> bool:
+    return len(str(path)) <= OPTIONS.longest
 
 
 def _names(folder: Path, *, folders: bool) -> list[str]:
