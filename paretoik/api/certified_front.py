@@ -157,11 +157,17 @@ def _keep_minima(
     minima &= former.violation_between <= OPTIONS.between
     rise = (points.individuals.objectives - before.minimised[rows]) / ranges
     better = (rise < -OPTIONS.tolerance).any(axis=1) & (rise <= OPTIONS.tolerance).all(axis=1)
-    kept = np.flatnonzero(minima & ~better)
-    genes = None if before.genes is None else before.genes[rows]
-    individuals = formulation.individuals(formulation.front_points(before)[rows], genes)
-    as_before = _CertifiedPoints(individuals=individuals, certificates=former, better=[None] * len(rows))
-    return _replace_points(formulation, points, kept, as_before, kept)
+    unchanged = np.flatnonzero(minima & ~better)
+    if not len(unchanged):
+        return points
+    rows = rows[unchanged]
+    individuals = formulation.individuals(
+        formulation.front_points(before)[rows], None if before.genes is None else before.genes[rows]
+    )
+    as_before = _CertifiedPoints(
+        individuals=individuals, certificates=former[unchanged], better=[None] * len(unchanged)
+    )
+    return _replace_points(formulation, points, unchanged, as_before, np.arange(len(unchanged)))
 
 
 def _replace_points(

@@ -46,7 +46,7 @@ def _ending(front: Front, status: str) -> str:
     """Return why a search ended; of a time limit that left some time, for what."""
     settings, seconds = front.provenance.get("settings", {}), front.provenance["counts"]["seconds"]
     limit = settings.get("time_limit")
-    if status != "time limit" or limit is None or seconds >= limit:
+    if status != "time limit" or not settings.get("refine") or limit is None or seconds >= limit:
         return ending_words(status)
     return f"the time limit of {limit:g} s was reached, less what certificates might have taken"
 

@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 import rerun as rr
 
-import paretoik as pk
-from paretoik.review.drawing.chosen_recording import recording_with_choice
 from paretoik.review.drawing.drawn_axes import TEXT
 from paretoik.review.drawing.legend import BULLET
 from paretoik.review.drawing.parallel_axes import ParallelAxes
@@ -52,18 +50,8 @@ def test_inner_axes_end_in_round_numbers_near_the_values(ends):
 
 
 @pytest.fixture(scope="module")
-def recordings(tmp_path_factory):
-    """The recording of a short search with three objectives, and that with a choice."""
-    folder = tmp_path_factory.mktemp("recordings")
-    problem = pk.Tracking(
-        pk.arms.tringali_3r(),
-        pk.line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=11),
-        objectives=[pk.kinetic_energy, pk.torque_norm, pk.joint_travel],
-    )
-    front = pk.solve(problem, population=16, generations=4, seed=1, refine=False, out=folder / "run", observe=False)
-    recording, chosen = folder / "run" / "review.rrd", folder / "choice.rrd"
-    chosen.write_bytes(recording_with_choice(front, front[int(front.ids[0])], recording=recording))
-    return read(recording), read(chosen)
+def recordings(choice_recordings):
+    return tuple(map(read, choice_recordings))
 
 
 def colours(batches: list) -> set[int]:
