@@ -1,13 +1,14 @@
-"""The journal of a run: what was computed from what, appended as it comes, so that nothing need be computed twice.
+"""The journal of a run: what was computed from what, appended as it comes, so that nothing is computed twice.
 
-A run that was stopped, or killed, is begun again with its journal: whatever is asked of it with the same inputs is
-there, and the rest is computed. What depends on its inputs alone comes out the same, bit for bit, as in a run that
-never stopped.
+A run that was stopped, or killed, starts again with its journal: it takes from there what it computed before from the
+same inputs, and computes the rest. Values depend on their inputs alone, so the result is the same, bit for bit, as that
+of a run that never stopped.
 
-The file begins with `MAGIC`; then come frames: the length of the payload (8 bytes, little-endian), the SHA-256 digest
-of the digest before, that length and the payload, and the payload: the length of its head (4 bytes), the head as JSON,
-the key and the name, type and shape of every array, and their bytes. A frame at the end that is cut or damaged is what
-a killed process was writing, and is cut off; damage further ahead is refused.
+The file is a row of frames: `MARK`; the length of the payload (8 bytes, little-endian); the SHA-256 digest of that
+length and the payload; and the payload: the length of its head (4 bytes), the head as JSON (the key, and the name, type
+and shape of every array), and the bytes of the arrays. Every frame stands alone. If one is damaged, the next `MARK`
+begins the next one, and what the damaged one held is computed again. A half-written frame at the end, from a process
+that was killed, is cut off.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ import os
 import struct
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,8 +33,8 @@ from paretoik.file_replacement import plain_folder, refusal
 from paretoik.stop_flag import STOP
 from paretoik.user_warnings import warn_user
 
-MAGIC = b"paretoik journal 1\n"
-HEAD = struct.Struct("<Q32s")  # of a frame
+MARK = b"paretoik journal 2\n"  # the first bytes of every frame
+HEAD = struct.Struct(f"<{len(MARK)}sQ32s")  # of a frame
 LENGTH = struct.Struct("<I")  # of the head of a payload
 KINDS = "biufU"  # of arrays that are plain numbers or text
 
@@ -43,18 +44,25 @@ Compute: TypeAlias = Callable[[], Values]
 
 @dataclass(frozen=True, kw_only=True)
 class JournalOptions:
-    """Frames are on the disk after so many seconds (``sync``) at most; before, they survive the process alone."""
+    """Settings of a journal.
+
+    sync: longest time [s] until a frame is on the disk; before that it survives the process only
+    largest: most bytes of a frame
+    chunk: bytes read at a time in the search for the frame after a damaged one
+    """
 
     sync: float = 1.0
+    largest: int = 2**30
+    chunk: int = 2**20
 
 
 OPTIONS = JournalOptions()
 
 
 class Journal:
-    """The journal in a file, which is made if need be. Whoever opens one holds the lock of its folder.
+    """The journal in a file, which is made if it is missing. The caller holds the lock of its folder.
 
-    Raises InvalidRun where the file is no journal, or damaged; InvalidInput where the system refuses it.
+    Warns of damaged frames. Raises InvalidRun if the file is no journal, InvalidInput if the system refuses it.
     """
 
     def __init__(self, file: Path) -> None:
@@ -62,7 +70,7 @@ class Journal:
         self._lock = threading.Lock()
         self._places: dict[bytes, tuple[int, int]] = {}  # offset and length of a payload, by its key
         self._is_full = False
-        self._end, self._digest = len(MAGIC), hashlib.sha256(MAGIC).digest()  # of the last whole frame
+        self._end = 0  # of the last intact frame
         with refusal(f"{file}: wanted to write the journal of a run"):
             file.parent.mkdir(parents=True, exist_ok=True)
             # Opened by hand because a link in its place, or in that of its folder, must not be followed.
@@ -79,6 +87,11 @@ class Journal:
     def __len__(self) -> int:
         return len(self._places)
 
+    @property
+    def keys(self) -> Collection[bytes]:
+        """The keys of all frames."""
+        return self._places.keys()
+
     def get(self, key: bytes) -> dict[str, np.ndarray] | None:
         """Return what was appended under a key, None where nothing was."""
         place = self._places.get(key)
@@ -93,8 +106,9 @@ class Journal:
             if self._is_full or key in self._places:
                 return
             payload = _encode(key, values)
-            digest = _digest(self._digest, payload)
-            frame = HEAD.pack(len(payload), digest) + payload
+            if len(payload) > OPTIONS.largest:  # a resumed run computes it again
+                return
+            frame = HEAD.pack(MARK, len(payload), _digest(payload)) + payload
             try:
                 _write_at(self._descriptor, frame, self._end)
                 self._sync(every=OPTIONS.sync)
@@ -105,7 +119,7 @@ class Journal:
                 warn_user(text)
                 return
             self._places[key] = (self._end + HEAD.size, len(payload))
-            self._digest, self._end = digest, self._end + len(frame)
+            self._end += len(frame)
 
     def close(self) -> None:
         """Have everything on the disk and close the file."""
@@ -119,39 +133,52 @@ class Journal:
             self._synced = time.monotonic()
 
     def _read(self) -> None:
-        """Find all frames; cut what a killed process was writing."""
-        size = os.fstat(self._descriptor).st_size
-        begin = os.pread(self._descriptor, len(MAGIC), 0)
-        if begin != MAGIC[: len(begin)]:
-            raise InvalidRun(f"{self._file}: wanted the journal of a run, got something else")
-        if len(begin) < len(MAGIC):
-            os.ftruncate(self._descriptor, 0)
-            _write_at(self._descriptor, MAGIC, 0)
-            return
-        for offset, payload, digest in self._frames(size):
+        """Find all intact frames; cut off what follows the last."""
+        size, damaged = os.fstat(self._descriptor).st_size, 0
+        for offset, payload in self._frames(size):
             try:
                 key = _decode_head(payload)[0]
-            except (ValueError, TypeError, RecursionError) as fault:
+            except (ValueError, TypeError, SyntaxError, RecursionError) as fault:
                 raise InvalidRun(f"{self._file}: wanted arrays at byte {offset}, got {fault}") from fault
             self._places[key] = (offset, len(payload))
-            self._digest, self._end = digest, offset + len(payload)
+            damaged += offset - HEAD.size - self._end
+            self._end = offset + len(payload)
+        begin = os.pread(self._descriptor, len(MARK), 0)
+        if not self._places and begin != MARK[: len(begin)]:
+            raise InvalidRun(f"{self._file}: wanted the journal of a run, got something else")
         os.ftruncate(self._descriptor, self._end)
+        if damaged:
+            warn_user(f"{self._file}: {damaged} of {size} bytes are damaged; what they held is computed again")
 
-    def _frames(self, size: int) -> Iterator[tuple[int, bytes, bytes]]:
-        """Yield the offset, the payload and the digest of every whole frame; raise InvalidRun for a damaged one."""
-        end, before = self._end, self._digest
-        while end + HEAD.size <= size:
-            length, digest = HEAD.unpack(os.pread(self._descriptor, HEAD.size, end))
-            offset = end + HEAD.size
-            if offset + length > size:
-                return
-            payload = os.pread(self._descriptor, length, offset)
-            if _digest(before, payload) != digest:
-                if offset + length == size:
-                    return
-                raise InvalidRun(f"{self._file}: wanted it as it was written, got one that is damaged at byte {end}")
-            yield offset, payload, digest
-            end, before = offset + length, digest
+    def _frames(self, size: int) -> Iterator[tuple[int, bytes]]:
+        """Yield the offset and the payload of every intact frame."""
+        place = 0
+        while (place := self._next_mark(place, size)) < size:
+            head = os.pread(self._descriptor, HEAD.size, place)
+            offset = place + HEAD.size
+            length, digest = HEAD.unpack(head)[1:] if len(head) == HEAD.size else (size, b"")
+            if length <= min(OPTIONS.largest, size - offset):
+                payload = os.pread(self._descriptor, length, offset)
+                if _digest(payload) == digest:
+                    yield offset, payload
+                    place = offset + length
+                    continue
+            place += 1
+
+    def _next_mark(self, begin: int, size: int) -> int:
+        """Return where the first mark from a byte on is, the size of the file if there is none.
+
+        Raises InvalidRun if it is further away than any frame is long: no run wrote that.
+        """
+        if os.pread(self._descriptor, len(MARK), begin) == MARK:
+            return begin
+        for place in range(begin, min(begin + OPTIONS.largest, size), OPTIONS.chunk):
+            found = os.pread(self._descriptor, OPTIONS.chunk + len(MARK) - 1, place).find(MARK)
+            if found >= 0:
+                return place + found
+        if size - begin > OPTIONS.largest:
+            raise InvalidRun(f"{self._file}: wanted the journal of a run, got {size - begin} bytes at byte {begin}")
+        return size
 
 
 _ACTIVE: list[Journal] = []  # at most one: a process does one run at a time
@@ -215,8 +242,10 @@ def key_of(kind: str, *inputs: object) -> bytes:
     return digest.digest()
 
 
-def _digest(before: bytes, payload: bytes) -> bytes:
-    return hashlib.sha256(before + struct.pack("<Q", len(payload)) + payload).digest()
+def _digest(payload: bytes) -> bytes:
+    digest = hashlib.sha256(struct.pack("<Q", len(payload)))
+    digest.update(payload)
+    return digest.digest()
 
 
 def _write_at(descriptor: int, content: bytes, offset: int) -> None:
@@ -242,9 +271,12 @@ def _decode_head(payload: bytes) -> tuple[bytes, list[tuple[str, np.dtype[Any], 
     key, columns = json.loads(payload[LENGTH.size : begin])
     arrays = [(str(name), np.dtype(kind), tuple(shape)) for name, kind, shape in columns]
     sizes = [kind.itemsize * math.prod(shape) for _, kind, shape in arrays]
-    plain = all(kind.kind in KINDS and all(type(n) is int and n >= 0 for n in shape) for _, kind, shape in arrays)
+    plain = all(kind.kind in KINDS and kind.itemsize > 0 for _, kind, _ in arrays)
+    plain = plain and all(type(length) is int for *_, shape in arrays for length in shape)
     if not plain or begin + sum(sizes) != len(payload):
         raise ValueError("arrays that are not there")
+    for _, kind, shape in arrays:
+        np.broadcast_to(np.empty((), kind), shape)  # raises ValueError for more dimensions than NumPy has
     return bytes.fromhex(key), arrays, begin
 
 

@@ -107,7 +107,14 @@ def epsilon_front(
         raise InvalidInput("epsilon_front: two objectives or more wanted, got one: plan finds its optima")
     check_solver(formulation.program(), solver)
     starting = initial_points(formulation, initial)
-    settings = {"points": points, "starts": starts, "seed": seed, "solver": solver, "time_limit": time_limit}
+    settings = {
+        "points": points,
+        "starts": starts,
+        "seed": seed,
+        "initial": initial is not None,
+        "solver": solver,
+        "time_limit": time_limit,
+    }
     with run_session(
         Subject.of(problem, reference),
         verb="epsilon_front",

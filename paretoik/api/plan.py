@@ -102,7 +102,13 @@ def plan(
     find_optima = require_plan(problem)
     if solver != "auto":  # which takes what there is, and looks at values before derivatives
         check_solver(problem.program(), solver)
-    settings = {"starts": starts, "seed": seed, "solver": solver, "time_limit": time_limit}
+    settings = {
+        "starts": starts,
+        "seed": seed,
+        "initial": initial is not None,
+        "solver": solver,
+        "time_limit": time_limit,
+    }
     with run_session(
         Subject.of(problem, reference),
         verb="plan",

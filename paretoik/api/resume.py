@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from paretoik.api.epsilon_front import epsilon_front
+from paretoik.api.initial import INITIAL
 from paretoik.api.plan import plan
 from paretoik.api.progress import Observer
 from paretoik.api.refine import refine
@@ -30,7 +31,7 @@ from paretoik.front.front import Front
 from paretoik.front.preferences.weights import Weights
 from paretoik.front.subset import attach
 from paretoik.inputs import check_flag, check_function, file_path
-from paretoik.journal import journalled
+from paretoik.journal import journalled, recalled
 from paretoik.run_files import CHECKPOINT, JOURNAL, RUN, can_resume, check_digest, read_run
 from paretoik.search.seeding import check_algorithm
 from paretoik.trajectory.plan import Plan
@@ -94,6 +95,11 @@ def resume(
         if verb is not solve:
             del shown["live"]
         with journalled(folder / CHECKPOINT / JOURNAL):
+            if arguments.pop("initial", False) and recalled(INITIAL) is None:
+                raise InvalidRun(
+                    f"{folder}: wanted what the run started from in its journal, got none, so that it would come to "
+                    "another result; start it again"
+                )
             return verb(**arguments, **shown, out=StoppedRun(folder), time_limit=time_limit, observe=observe)
 
 

@@ -235,18 +235,19 @@ def run_session(
     check_flag("live", live)
     if live and out is None:
         raise InvalidInput("live: a folder wanted that keeps the recording (out=), got none")
-    entries = {
-        "verb": verb,
-        "problem": subject.reference,
-        "fingerprint": subject.fingerprint,
-        "settings": dict(settings),
-        "versions": versions(),
-    }
     with ExitStack() as stack:
         opened = stack.enter_context(verb_session(observe, time_limit=time_limit, catch_signals=catch_signals))
         folder = stack.enter_context(_folder(out, overwrite=overwrite))
         stack.enter_context(open_executor(workers, cluster, isolated=isolated))
         stored = read_run(folder / RUN) if folder is not None and isinstance(out, StoppedRun) else {}
+        given = {name: value for name, value in stored.get("settings", {}).items() if name == "initial"}
+        entries = {
+            "verb": verb,
+            "problem": subject.reference,
+            "fingerprint": subject.fingerprint,
+            "settings": {**settings, **given},  # a resumed run has what it started from in its journal
+            "versions": versions(),
+        }
         session = RunSession(
             entries=entries,
             former=stored.get("computed"),

@@ -84,6 +84,7 @@ class FrontSearch:
             "generations": self.generations,
             "seed": seed,
             "islands": settings.islands,
+            "initial": settings.initial is not None,
             "anchors": anchors,
             "algorithm": None if settings.algorithm is None else type(settings.algorithm).__name__,
             "evaluations": settings.evaluations,

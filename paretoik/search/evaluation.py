@@ -30,11 +30,11 @@ def evaluate_rows(problem: Any, evaluate: Evaluate, X: Genes) -> Outcome:
 
 
 def joined(parts: Sequence[tuple[Rows, Outcome]]) -> tuple[Rows, Outcome]:
-    """Return rows in order, and their outcome."""
+    """Return rows in order, each once, and their outcome."""
     if len(parts) == 1:
         return parts[0]
     rows = np.concatenate([rows for rows, _ in parts])
-    order = np.argsort(rows)
+    order = np.unique(rows, return_index=True)[1]
     F, G, H = (np.concatenate([getattr(part, name) for _, part in parts])[order] for name in ("F", "G", "H"))
     causes = {int(rows[i]): cause for rows, part in parts for i, cause in part.causes.items()}
     rows = rows[order]

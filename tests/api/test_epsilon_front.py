@@ -22,6 +22,7 @@ def test_points_are_shown_as_they_come_and_all_are_certified(problem):
         "points": 5,
         "starts": 6,
         "seed": 0,
+        "initial": False,
         "solver": "auto",
         "time_limit": None,
     }

@@ -14,6 +14,7 @@ import pytest
 import paretoik as pk
 from paretoik.errors import InvalidInput, InvalidRun
 from paretoik.execution.run_folder import lock_folder
+from paretoik.journal import HEAD
 from paretoik.run_files import CHECKPOINT, FORMER, JOURNAL, RUN
 from tests.api.problems import tracking
 from tests.api.resumed_runs import PROBLEMS, Slow, run
@@ -65,13 +66,26 @@ def check_same(resumed: pk.Front | pk.Plan, whole: pk.Front | pk.Plan) -> None:
     assert now == former
 
 
+def flip_a_bit(folder: Path, frame: int) -> None:
+    """Flip a bit in the journal of a run, in the middle of a frame; the last frames are counted from the end."""
+    journal, places = folder / CHECKPOINT / JOURNAL, [0]
+    content = bytearray(journal.read_bytes())
+    while places[-1] < len(content):
+        places.append(places[-1] + HEAD.size + HEAD.unpack_from(content, places[-1])[1])
+    begin, end = places[:-1][frame], places[1:][frame]
+    content[(begin + end) // 2] ^= 1
+    journal.write_bytes(content)
+
+
 @pytest.mark.parametrize("verb", PROBLEMS)
-def test_a_killed_run_goes_on_and_comes_to_what_a_whole_one_does_bit_for_bit(verb, tmp_path):
+def test_a_killed_run_whose_journal_is_damaged_resumes_bit_for_bit(verb, tmp_path):
     whole = run(verb, tmp_path / "whole")
     killed(verb, tmp_path / "killed", ENTRIES[verb])
     assert json.loads((tmp_path / "killed" / RUN).read_text())["status"] in ("running", "refining")
     assert not (tmp_path / "whole" / CHECKPOINT).exists()
-    resumed = pk.resume(tmp_path / "killed", PROBLEMS[verb]())
+    flip_a_bit(tmp_path / "killed", ENTRIES[verb] // 2)
+    with pytest.warns(RuntimeWarning, match=r"\d+ of \d+ bytes are damaged; what they held is computed again"):
+        resumed = pk.resume(tmp_path / "killed", PROBLEMS[verb]())
     check_same(resumed, whole)
     assert not (tmp_path / "killed" / CHECKPOINT).exists()
     with pytest.raises(InvalidInput, match="wanted a run of solve, plan, front or refine that was stopped"):
@@ -134,12 +148,18 @@ def test_other_versions_of_libraries_are_refused_by_name(copy, monkeypatch):
         pk.resume(copy, tracking())
 
 
-def test_a_damaged_journal_is_refused_and_the_result_stays(copy):
-    journal = copy / CHECKPOINT / JOURNAL
-    content = bytearray(journal.read_bytes())
-    content[200] ^= 1
-    journal.write_bytes(content)
-    with pytest.raises(InvalidRun, match="got one that is damaged at byte"):
+@pytest.mark.parametrize("verb", ["solve from motions", "plan"])
+@pytest.mark.filterwarnings("ignore:.*are damaged")
+def test_a_journal_without_what_the_run_started_from_is_refused(verb, tmp_path):
+    killed(verb, tmp_path / "run", 2)
+    flip_a_bit(tmp_path / "run", 0)
+    with pytest.raises(InvalidRun, match="wanted what the run started from in its journal, got none"):
+        pk.resume(tmp_path / "run", PROBLEMS[verb]())
+
+
+def test_another_file_in_place_of_the_journal_is_refused_and_the_result_stays(copy):
+    (copy / CHECKPOINT / JOURNAL).write_bytes(b"something else altogether")
+    with pytest.raises(InvalidRun, match="wanted the journal of a run, got something else"):
         pk.resume(copy, tracking())
     assert len(pk.load_front(copy, tracking())) > 0
 

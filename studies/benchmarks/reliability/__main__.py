@@ -6,10 +6,11 @@ Runs of the command line (a search, one with refinement, a plan, an ε-front, a 
 and loop also with two worker processes and on a Dask cluster of two) are killed by SIGKILL, as often in every phase
 (ask, evaluate, refine, what is between; write, rename and have on the disk), each phase shared out among the runs that
 have it and spread over all of it; every third is killed again as it goes on. What they come to is compared with a run
-that nobody killed, bit for bit, and so is every entry that a resumed run takes from its journal or adds to it. What was
-computed since the last entry is the work that a kill loses. Then a real journal is cut at every byte of its end and has
-bits flipped; and a search is run on disks from 4 kB to what it fills up in its course. The verifier is given good runs
-of every kind, and copies of them with a fault each.
+that nobody killed, bit for bit, and so is every entry that a resumed run takes from its journal or adds to it; every
+second has a bit flipped in its journal first. What was computed since the last entry is the work that a kill loses.
+Then a real journal is cut at every byte of its end and has a bit flipped in every field of every frame; and a search is
+run on disks from 4 kB to what it fills up in its course. The verifier is given good runs of every kind, and copies of
+them with a fault each.
 """
 
 from __future__ import annotations
@@ -52,7 +53,7 @@ from studies.reporting import Row, report, study_parser, tell
 
 @dataclass(frozen=True, kw_only=True)
 class ReliabilityOptions:
-    """How many ``kills`` there are, ``quick`` ones, every so many ``twice``; bytes of ``cuts`` and bits of ``flips``.
+    """How many ``kills`` there are, ``quick`` ones, every so many ``twice``, ``damaged`` ones; bytes of ``cuts``.
 
     So many ``disks`` are too small, ``quick_disks`` with --quick; one of ``large`` bytes is not. The journal that is
     cut is that of a search of so many ``generations``, stopped after so many ``seconds``. A phase
@@ -64,8 +65,8 @@ class ReliabilityOptions:
     workers: int = 2
     short: float = 0.02
     twice: int = 3
+    damaged: int = 2
     cuts: int = 2000
-    flips: int = 1000
     disks: int = 50
     quick_disks: int = 6
     generations: int = 10_000
@@ -123,7 +124,8 @@ def _kill_rows(folder: Path, count: int, names: Sequence[str]) -> Iterator[Row]:
 def _kills(run: WholeRun, moments: Sequence[Moment], folder: Path) -> Iterator[Kill]:
     for number, (phase, amount) in enumerate(moments):
         again = amount / 2 if number % OPTIONS.twice == 0 else None
-        killed = kill(run, phase, amount, folder / "killed", again=again)
+        damaged = number if number % OPTIONS.damaged == 0 else None
+        killed = kill(run, phase, amount, folder / "killed", again=again, damaged=damaged)
         tell(f"{run.name}: {number + 1} of {len(moments)}, {phase} {amount:.3g}: {killed.outcome} {killed.cause}")
         yield killed
 
@@ -158,7 +160,7 @@ def _journal_rows(folder: Path) -> Iterator[Row]:
     tell("a journal, cut and damaged")
     content = _journal_of(COMMANDS["search"], folder / "journal")
     cuts = count_wrong_cuts(content, folder / "part", last=OPTIONS.cuts)
-    flips = count_flips(content, folder / "part", flips=OPTIONS.flips)
+    flips = count_flips(content, folder / "part")
     note = f"of {min(OPTIONS.cuts, len(content))} bytes at its end, {len(content)} in all"
     yield Row(table="journal", row="cuts", column="wrong", unit="", ours=cuts, reference=0, source="goal", note=note)
     note = ", ".join(f"{number} {outcome}" for outcome, number in flips.items())
@@ -167,7 +169,7 @@ def _journal_rows(folder: Path) -> Iterator[Row]:
         row="flipped bits",
         column="wrong",
         unit="",
-        ours=flips["wrong"],
+        ours=flips["wrong"] + flips["refused"],
         reference=0,
         source="goal",
         note=note,

@@ -1,52 +1,79 @@
-"""A real run's journal cut at every byte of its end, and with single bits flipped anywhere."""
+"""A real run's journal cut at every byte of its end, and with a bit flipped in every field of every frame."""
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Iterator, Set
+from itertools import accumulate, pairwise
 from pathlib import Path
 
 import numpy as np
 
 from paretoik.errors import InvalidRun
-from paretoik.journal import HEAD, MAGIC, Journal
+from paretoik.journal import HEAD, LENGTH, MARK, Journal
+from paretoik.run_files import CHECKPOINT, JOURNAL
+
+LENGTH_SIZE = 8  # bytes of the length of a payload
 
 
 def frame_ends(content: bytes) -> list[int]:
-    """Return where the frames of a journal end; first where the first begins."""
-    ends = [len(MAGIC)]
+    """Return where the frames of a journal end, first 0."""
+    ends = [0]
     while ends[-1] < len(content):
-        ends.append(ends[-1] + HEAD.size + HEAD.unpack_from(content, ends[-1])[0])
+        ends.append(ends[-1] + HEAD.size + HEAD.unpack_from(content, ends[-1])[1])
     return ends
 
 
 def count_wrong_cuts(content: bytes, part: Path, *, last: int) -> int:
     """Return at how many of the ``last`` bytes a cut journal has not exactly the frames that are whole."""
-    ends = frame_ends(content)
+    ends, keys = frame_ends(content), _keys(content, part)
     return sum(
-        _entries(content[:length], part) != sum(length >= end for end in ends) - 1
-        for length in range(max(len(content) - last, len(MAGIC)), len(content))
+        set(_keys(content[:length], part)) != set(keys[: sum(length >= end for end in ends) - 1])
+        for length in range(max(len(content) - last, 0), len(content))
     )
 
 
-def count_flips(content: bytes, part: Path, *, flips: int, seed: int = 0) -> dict[str, int]:
-    """Return how many single flipped bits are refused, leave exactly what was before them, or neither."""
-    ends, rng = frame_ends(content), np.random.default_rng(seed)
-    counts = {"refused": 0, "what was before": 0, "wrong": 0}
-    for bit in rng.choice(8 * len(content), flips, replace=False).tolist():
-        damaged = bytearray(content)
-        damaged[bit // 8] ^= 1 << bit % 8
-        try:
-            entries = _entries(bytes(damaged), part)
-        except InvalidRun:
-            counts["refused"] += 1
-            continue
-        before = sum(bit // 8 >= end for end in ends) - 1
-        counts["what was before" if entries == before else "wrong"] += 1
+def count_flips(content: bytes, part: Path, *, seed: int = 0) -> dict[str, int]:
+    """Return in how many fields a flipped bit costs its own frame only, is refused, or costs another frame."""
+    ends, keys, rng = frame_ends(content), _keys(content, part), np.random.default_rng(seed)
+    counts = {"its own frame": 0, "refused": 0, "wrong": 0}
+    for frame, begin in enumerate(ends[:-1]):
+        for first, last in fields(content, begin, ends[frame + 1]):
+            damaged = bytearray(content)
+            damaged[rng.integers(first, last)] ^= 1 << int(rng.integers(8))
+            try:
+                intact: Set[bytes] = set(_keys(bytes(damaged), part))
+            except InvalidRun:
+                counts["refused"] += 1
+                continue
+            counts["its own frame" if intact == set(keys) - {keys[frame]} else "wrong"] += 1
     return counts
 
 
-def _entries(content: bytes, part: Path) -> int:
+def fields(content: bytes, begin: int, end: int) -> Iterator[tuple[int, int]]:
+    """Yield where the fields of a frame are: mark, length, digest, and its payload's length, head and arrays."""
+    payload = begin + HEAD.size
+    (head,) = LENGTH.unpack_from(content, payload)
+    sizes = len(MARK), LENGTH_SIZE, HEAD.size - len(MARK) - LENGTH_SIZE, LENGTH.size, head
+    places = [*accumulate(sizes, initial=begin), end]
+    yield from ((first, last) for first, last in pairwise(places) if first < last)
+
+
+def damage(folder: Path, *, seed: int) -> None:
+    """Flip a bit anywhere in the journal of a run."""
+    file, rng = folder / CHECKPOINT / JOURNAL, np.random.default_rng(seed)
+    content = bytearray(file.read_bytes())
+    if content:
+        content[rng.integers(len(content))] ^= 1 << int(rng.integers(8))
+        file.write_bytes(content)
+
+
+def _keys(content: bytes, part: Path) -> list[bytes]:
+    """Return the keys of the intact frames of a journal, in order."""
     part.write_bytes(content)
-    journal = Journal(part)
-    entries = len(journal)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=".*are damaged")
+        journal = Journal(part)
+    keys = list(journal.keys)
     journal.close()
-    return entries
+    return keys

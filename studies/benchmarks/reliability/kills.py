@@ -21,6 +21,7 @@ import pyarrow.parquet as pq
 from paretoik.file_replacement import without_writers
 from paretoik.run_files import MOTIONS, OPTIMA, RUN, TABLE, can_resume
 from studies.benchmarks.checkouts import ROOT
+from studies.benchmarks.reliability.journals import damage
 from studies.benchmarks.reliability.phases import Phase
 
 Outcome = Literal["nothing yet", "whole", "went on", "refused", "another course", "another result"]
@@ -97,8 +98,19 @@ def whole_run(name: str, folder: Path, replacements: Mapping[str, str]) -> Whole
     return WholeRun(name=name, command=command, workers=workers, result=result_of(folder), **done)
 
 
-def kill(run: WholeRun, phase: Phase, amount: float, folder: Path, *, again: float | None = None) -> Kill:
-    """Kill a run in a phase, and a second time at ``again`` of it after it goes on; let it come to its end."""
+def kill(
+    run: WholeRun,
+    phase: Phase,
+    amount: float,
+    folder: Path,
+    *,
+    again: float | None = None,
+    damaged: int | None = None,
+) -> Kill:
+    """Kill a run in a phase, and a second time at ``again`` of it after it was resumed; let it come to its end.
+
+    ``damaged`` is the seed of a bit that is flipped in its journal before it is resumed.
+    """
     shutil.rmtree(folder, ignore_errors=True)
     process = run_killed(run.command, folder, phase, amount)
     common = partial(Kill, name=run.name, phase=phase, amount=amount)
@@ -110,6 +122,8 @@ def kill(run: WholeRun, phase: Phase, amount: float, folder: Path, *, again: flo
     for limit in (again, None):
         if not can_resume(folder):
             break
+        if damaged is not None:
+            damage(folder, seed=damaged)
         command = ("resume", str(folder), *run.workers)
         resumed = run_killed(command, folder, phase, np.inf if limit is None else limit, out=False)
         if resumed.returncode not in (0, -signal.SIGKILL):
