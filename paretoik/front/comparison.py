@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float, Int
 from paretoik.arrays import Objectives, Values
 from paretoik.errors import InvalidInput
 from paretoik.front.front import Front
-from paretoik.front.indicators import hypervolume, non_dominated
+from paretoik.front.indicators import estimate_hypervolume, non_dominated
 from paretoik.front.provenance import differences as differing_entries
 from paretoik.inputs import likely_spelling, shown
 
@@ -88,10 +88,16 @@ class Comparison:
 
     @cached_property
     def hypervolume(self) -> Values:
-        """Hypervolume of each front (fronts,) up to 1.1 in every share, over that of the merged front."""
+        """Hypervolume of each front (fronts,) up to 1.1 in every share, over that of the merged front.
+
+        Exact up to four objectives, an estimate for more; see ``estimate_hypervolume``.
+        """
         reference = np.full(len(self.fronts[0].names), OPTIONS.reference)
         merged = np.concatenate([shares[rows] for shares, rows in zip(self.shares, self.merged_rows, strict=True)])
-        return np.array([hypervolume(shares, reference) for shares in self.shares]) / hypervolume(merged, reference)
+        volumes = [
+            estimate_hypervolume(shares, reference, np.ones_like(reference)) for shares in (*self.shares, merged)
+        ]
+        return np.array(volumes[:-1]) / volumes[-1]
 
     @cached_property
     def coverage(self) -> Pairs:

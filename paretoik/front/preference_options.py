@@ -13,6 +13,7 @@ class PreferenceOptions:
     of all shares beside the worst one (Miettinen 1999, section 3.4.5). A point that lies less than ``hull`` above
     straight lines between others can be reached by weights. Exchange rates hold as far as they predict within a share
     ``prediction``. Up to so many ``described`` objectives every comparison has a sentence.
+    neighbours: number of nearest points that mixtures begin with, when unsupported points are sought
     """
 
     rounding: float = 1e-9
@@ -20,6 +21,7 @@ class PreferenceOptions:
     hull: float = 1e-6
     prediction: float = 0.1
     described: int = 3
+    neighbours: int = 30
 
 
 OPTIONS = PreferenceOptions()

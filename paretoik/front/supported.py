@@ -41,14 +41,32 @@ def _turns_right(a: tuple[float, float], b: tuple[float, float], c: tuple[float,
 
 
 def _unmatched_by_mixtures(shares: Objectives) -> Mask:
-    """Mark points (points, n_obj) that no mixture of points beats, by a least-squares problem each.
+    """Mark points (points, n_obj) that no mixture of points beats, by least-squares problems.
 
-    Find λ, s >= 0 with Σλ = 1 and Σ λ_q Z_q + s = Z_p − δ: the residual of a point on the hull is at least δ/√n_obj.
+    A mixture beats p if λ, s >= 0 exist with Σλ = 1 and Σ λ_q Z_q + s = Z_p − δ. The least residual of a point on the
+    hull is at least δ/√n_obj. Mixtures begin with the points near p and the best of every objective; as long as the
+    residual r separates p from these but not from all points, the point farthest along r joins (column generation).
     """
     from scipy.optimize import nnls  # here: it takes its time
+    from scipy.spatial import KDTree
 
     points, size = shares.shape
-    matrix = np.zeros((size + 1, points + size))
-    matrix[:size, :points], matrix[:size, points:], matrix[size, :points] = shares.T, np.eye(size), 1.0
-    residuals = [nnls(matrix, np.append(point - OPTIONS.hull, 1.0))[1] for point in shares]
-    return np.array(residuals) > 0.1 * OPTIONS.hull
+    _, near = KDTree(shares).query(shares, k=np.arange(1, min(OPTIONS.neighbours, points) + 1))
+    ends = shares.argmin(axis=0)
+    unmatched = np.ones(points, dtype=bool)
+    for row, point in enumerate(shares):
+        columns = np.unique(np.concatenate([near[row], ends]))
+        target = np.append(point - OPTIONS.hull, 1.0)
+        while True:
+            slack = np.vstack([np.eye(size), np.zeros(size)])
+            matrix = np.hstack([np.vstack([shares[columns].T, np.ones(len(columns))]), slack])
+            mixture, residual = nnls(matrix, target)
+            if residual <= 0.1 * OPTIONS.hull:
+                unmatched[row] = False
+                break
+            direction = target - matrix @ mixture
+            farthest = int(np.argmax(shares @ direction[:-1]))
+            if farthest in columns:  # the optimum over all points, rounding aside
+                break
+            columns = np.append(columns, farthest)
+    return unmatched

@@ -11,6 +11,7 @@ import numpy as np
 
 from paretoik.autodiff.interpreter import run_first
 from paretoik.compilation import compiled
+from paretoik.nlp.compiled.householder import rotate_back, triangularise
 from paretoik.resolution.joint_weights import buffer_depth, clamping_weight, criterion_weight, least_norm_weight
 from paretoik.resolution.matrices import cholesky, solve_cholesky, weighted_square
 from paretoik.resolution.traces import DAMPED, DONE, HELD, SHORTENED
@@ -38,6 +39,7 @@ def follow(first, last, parts, table, steps, limits, modes, settings, gains, sca
     previous_slope = np.zeros((count, n))  # |∂H/∂qᵢ| at the last sample, of the weighted least norm
     J, A, factor = np.empty((rows, n)), np.empty((rows, rows)), np.empty((rows, rows))
     work, v = np.empty((rows, rows)), np.empty(rows)
+    reflectors, triangle, scaled = np.empty((rows, n)), np.zeros((rows, rows)), np.empty(n)
     D, E, z, repulsive = np.ones(n), np.ones(n), np.empty(n), np.zeros(n)
     for k in range(time):
         _fill_inputs(k, first, q, velocities, table, inputs)
@@ -67,8 +69,11 @@ def follow(first, last, parts, table, steps, limits, modes, settings, gains, sca
                 status[motion, k] = HELD
                 _advance(motion, k, dt, q, velocities)
                 continue
-            solve_cholesky(factor, v)
-            _solve_task(J, D, v, velocities[motion, k])
+            if weighting == UNWEIGHTED or squared > 0.0:
+                solve_cholesky(factor, v)
+                _solve_task(J, D, v, velocities[motion, k])
+            else:
+                solve_weighted_task(J, D, v, reflectors, triangle, scaled, velocities[motion, k])
             if weighting == CLAMPING:
                 z[:] = repulsive
                 _project(J, D, E, factor, printed, z, v, repulsion[motion, k])
@@ -119,6 +124,30 @@ def _solve_task(J, D, multipliers, velocities):
         for i in range(rows):
             total += J[i, j] * multipliers[i]
         velocities[j] = D[j] * total
+
+
+@compiled
+def solve_weighted_task(J, D, v, reflectors, triangle, scaled, velocities):
+    """Write D^½ (J D^½)⁺ v, exact to rounding however far apart the weights are.
+
+    A⁻¹ v is huge next to joints at their limits; Householder's reflections of D^½ Jᵀ, its largest rows first, avoid it
+    (Cox & Higham 1998).
+    """
+    rows, n = J.shape
+    order = np.argsort(-D)
+    for i in range(rows):
+        for j in range(n):
+            reflectors[i, j] = np.sqrt(D[order[j]]) * J[i, order[j]]
+    triangularise(reflectors, triangle)  # A, their square, is positive definite
+    scaled[:] = 0.0
+    for i in range(rows):
+        total = v[i]
+        for k in range(i):
+            total -= triangle[k, i] * scaled[k]
+        scaled[i] = total / triangle[i, i]
+    rotate_back(reflectors, scaled)
+    for j in range(n):
+        velocities[order[j]] = np.sqrt(D[order[j]]) * scaled[j]
 
 
 @compiled

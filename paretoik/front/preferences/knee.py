@@ -72,16 +72,17 @@ class Knee:
         )
 
     def _least_trade_off(self, front: Front) -> Choice:
-        ratios, others = _least_trade_offs(front)
+        ratios = _least_trade_offs(front)
         row = first_row(front, -ratios)
+        other = int(front.ids[first_row(front, _trade_offs(front, row))])
         return front.choice(
             row,
             f"{subject(front, row)} is the knee, with the largest least trade-off: going from it to any other costs at "
             f"least {ratios[row]:.3g} times what it gains, in shares of the ranges; going to point "
-            f"{front.ids[others[row]]} costs that little.",
+            f"{other} costs that little.",
             preference=self,
             score=-float(ratios[row]),
-            details={"least_trade_off": float(ratios[row]), "nearest_exchange": int(front.ids[others[row]])},
+            details={"least_trade_off": float(ratios[row]), "nearest_exchange": other},
         )
 
 
@@ -94,15 +95,17 @@ def _depths(front: Front) -> Values:
     return depths
 
 
-def _least_trade_offs(front: Front) -> tuple[Values, np.ndarray]:
-    """Return the least trade-off of every point and the row that has it; equal points are no exchange."""
-    shares = front.shares
-    ratios, others = np.empty(len(front)), np.empty(len(front), dtype=np.int64)
-    for row, point in enumerate(shares):
-        steps = np.where(np.abs(shares - point) > OPTIONS.rounding, shares - point, 0.0)
-        costs, gains = np.maximum(steps, 0.0).sum(axis=1), np.maximum(-steps, 0.0).sum(axis=1)
-        ratio = np.full(len(front), np.inf)
-        np.divide(costs, gains, out=ratio, where=gains > 0)
-        others[row] = first_row(front, ratio)
-        ratios[row] = ratio[others[row]]
-    return ratios, others
+def _least_trade_offs(front: Front) -> Values:
+    """Return the least trade-off of every point."""
+    return np.array([_trade_offs(front, row).min() for row in range(len(front))])
+
+
+def _trade_offs(front: Front, row: int) -> Values:
+    """Return what exchanging the point of a row for every other costs, over what it gains; inf if it gains nothing."""
+    shares = np.ascontiguousarray(front.shares.T)
+    steps = shares - shares[:, row, None]
+    steps[np.abs(steps) <= OPTIONS.rounding] = 0.0
+    costs, gains = np.maximum(steps, 0.0).sum(axis=0), -np.minimum(steps, 0.0).sum(axis=0)
+    ratios = np.full(len(front), np.inf)
+    np.divide(costs, gains, out=ratios, where=gains > 0)
+    return ratios
