@@ -201,7 +201,7 @@ def no_worse(
     ranges: Float[np.ndarray, " n_obj"],
 ) -> Individuals:
     """Return individuals, those that are worse by more than a share of a range as they were before, if feasible."""
-    worse = (individuals.objectives > before.minimised + OPTIONS.tolerance * ranges).any(axis=1)
+    worse = ~(individuals.objectives <= before.minimised + OPTIONS.tolerance * ranges).all(axis=1)  # also if NaN
     if before.violation is not None:
         worse &= before.violation <= REFINEMENT.violation
     if not worse.any():

@@ -36,8 +36,9 @@ def status_text(front: Front) -> str:
                 f"improved, after {duration}{_stopped(status, 'refined')}"
             )
         case _:
+            failed = f" ({counts['failed']} failed)" if counts.get("failed") else ""
             return (
-                f"{points} after {counts['generations']} generations, {counts['evaluations']} evaluations and "
+                f"{points} after {counts['generations']} generations, {counts['evaluations']} evaluations{failed} and "
                 f"{duration} ({_ending(front, status)})"
             )
 

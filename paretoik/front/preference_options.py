@@ -13,7 +13,7 @@ class PreferenceOptions:
     of all shares beside the worst one (Miettinen 1999, section 3.4.5). A point that lies less than ``hull`` above
     straight lines between others can be reached by weights. Exchange rates hold as far as they predict within a share
     ``prediction``. Up to so many ``described`` objectives every comparison has a sentence.
-    neighbours: number of nearest points that mixtures begin with, when unsupported points are sought
+    Mixtures that might beat a point begin with its ``neighbours`` nearest points.
     """
 
     rounding: float = 1e-9

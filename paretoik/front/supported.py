@@ -44,7 +44,7 @@ def _unmatched_by_mixtures(shares: Objectives) -> Mask:
     """Mark points (points, n_obj) that no mixture of points beats, by least-squares problems.
 
     A mixture beats p if λ, s >= 0 exist with Σλ = 1 and Σ λ_q Z_q + s = Z_p − δ. The least residual of a point on the
-    hull is at least δ/√n_obj. Mixtures begin with the points near p and the best of every objective; as long as the
+    hull is at least δ/√n_obj. Mixtures begin with the points near p and the best of every objective. While the
     residual r separates p from these but not from all points, the point farthest along r joins (column generation).
     """
     from scipy.optimize import nnls  # here: it takes its time

@@ -13,11 +13,11 @@ POINT_TOLERANCE = 1e-7  # of the ranges: points nearer than this are one, and a 
 def front_rows(shares: Float[np.ndarray, "points n_obj"]) -> Int[np.ndarray, " rows"]:
     """Return which points, as shares of the ranges, no other dominates or repeats, in the order of the first share.
 
-    In the order of their sums: what dominates another has the smaller one.
+    Points are taken in the order of their sums: what dominates another has the smaller one. One with a NaN is left out.
     """
     rows = list[int]()
     for i in np.argsort(shares.sum(axis=1), kind="stable").tolist():
-        if not (shares[rows] <= shares[i] + POINT_TOLERANCE).all(axis=1).any():
+        if np.isfinite(shares[i]).all() and not (shares[rows] <= shares[i] + POINT_TOLERANCE).all(axis=1).any():
             rows.append(i)
     front = np.array(rows, dtype=int)
     return front[np.argsort(shares[front, 0], kind="stable")]

@@ -58,6 +58,8 @@ def run_text(provenance: Mapping[str, Any]) -> str:
     heads = [f"- problem: {provenance['problem']}"] if provenance.get("problem") else []
     heads += [f"- computed by {words}"] if (words := computed_text(provenance.get("computed"))) else []
     heads += [f"- ended: {ENDINGS.get(str(status), status)}"] if status else []
+    if counts.get("failed"):
+        took.append(f"{counted(counts['failed'], 'evaluation')} failed, the first with: {counts['first_cause']}")
     results = [f"- {counted(counts[name], 'point')} {name}" for name in ("converged", "improved") if name in counts]
     lines = heads + _settings(provenance) + ([f"- took {', '.join(took)}"] if took else []) + results
     return "## Run\n\n" + "\n".join(lines) if lines else ""

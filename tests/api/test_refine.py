@@ -246,3 +246,17 @@ def test_what_costs_an_objective_nothing_is_gained():
     assert front.objectives[0, 1] > 1.001 * best.objective  # as critical as it can be: the other is at its least
     refined = pk.refine(front)
     assert refined.objectives[0] == pytest.approx([0.0, best.objective], rel=1e-6, abs=1e-9)
+
+
+def test_objectives_without_a_value_for_some_motions_lose_no_front():
+    @pk.objective(unit="rad", form="integral")
+    def root(motion):
+        with np.errstate(invalid="ignore"):
+            return np.sqrt(motion.q[..., 1] + 0.3)  # NaN for many
+
+    goals = [pk.kinetic_energy, root]
+    problem = pk.Tracking(pk.arms.tringali_3r(), tringali_2020.straight(26), objectives=goals)
+    front = pk.solve(problem, population=20, generations=10, seed=1, refine=True)
+    assert front.provenance["counts"]["failed"] > 0
+    assert np.isfinite(front.objectives).all()
+    assert len(front) > 5

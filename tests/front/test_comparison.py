@@ -261,3 +261,13 @@ def test_runs_of_one_method_get_their_median():
     row = ["a", "3", *(f"{value:.4f}" for value in (np.median(volumes), volumes.min(), volumes.max()))]
     assert row in [line.split() for line in str(comparison).splitlines()]
     assert repr(comparison).startswith("Comparison of 4 fronts, hypervolume a ")
+
+
+def test_hypervolumes_of_many_objectives_are_estimated_within_two_percent():
+    rng = np.random.default_rng(3)
+    sphere = [np.abs(rng.normal(size=(25, 6))) for _ in range(2)]
+    comparison = compared(*(make(1 - each / np.linalg.norm(each, axis=1)[:, None]) for each in sphere))
+    corner = np.full(6, 1.1)
+    merged = np.concatenate([part[rows] for part, rows in zip(comparison.shares, comparison.merged_rows, strict=True)])
+    exact = np.array([hypervolume(shares, corner) for shares in comparison.shares]) / hypervolume(merged, corner)
+    np.testing.assert_allclose(comparison.hypervolume, exact, rtol=0.02)

@@ -2,9 +2,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.optimize import linprog
+from scipy.optimize import linprog, nnls
 
 from paretoik.front.front import Front
+from paretoik.front.preference_options import OPTIONS
 from paretoik.front.supported import _unmatched_by_mixtures
 from tests.front.random_fronts import random_front
 
@@ -57,3 +58,15 @@ def test_the_hull_is_computed_once_a_front():
     )
     assert front.supported.all()
     assert front.supported is front.supported
+
+
+@pytest.mark.parametrize("n_obj", [3, 5])
+def test_mixtures_of_near_points_decide_as_mixtures_of_all(n_obj):
+    rng = np.random.default_rng(n_obj)
+    directions = np.abs(rng.normal(size=(120, n_obj))) ** 2
+    shares = directions / np.linalg.norm(directions, axis=1)[:, None] ** 0.7
+    matrix = np.block([[shares.T, np.eye(n_obj)], [np.ones(120), np.zeros(n_obj)]])
+    residuals = [nnls(matrix, np.append(point - OPTIONS.hull, 1.0))[1] for point in shares]
+    expected = np.array(residuals) > 0.1 * OPTIONS.hull
+    assert 0 < expected.sum() < 120
+    assert np.array_equal(_unmatched_by_mixtures(shares), expected)

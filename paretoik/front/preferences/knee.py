@@ -96,12 +96,12 @@ def _depths(front: Front) -> Values:
 
 
 def _least_trade_offs(front: Front) -> Values:
-    """Return the least trade-off of every point."""
+    """Return the least trade-off of every point, over all exchanges."""
     return np.array([_trade_offs(front, row).min() for row in range(len(front))])
 
 
 def _trade_offs(front: Front, row: int) -> Values:
-    """Return what exchanging the point of a row for every other costs, over what it gains; inf if it gains nothing."""
+    """Return what each exchange of a row's point costs over what it gains; inf if it gains nothing."""
     shares = np.ascontiguousarray(front.shares.T)
     steps = shares - shares[:, row, None]
     steps[np.abs(steps) <= OPTIONS.rounding] = 0.0
