@@ -25,6 +25,7 @@ from paretoik.capability.term_rows import Lanes, LanesOf
 from paretoik.nlp.traced import AssembledRows, TracedRows, trace_rows
 from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arm import Arm
+from paretoik.robot.arm_inputs import TOOL_FRAME
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,7 +142,7 @@ def _transcribe(settings: DirectionalProgram) -> TracedRows:
         }
         q = list(at["q"])
         links = kinematics.link_frames(arm, q)
-        frame = arm.frame("tool")
+        frame = arm.frame(TOOL_FRAME)
         place = kinematics.frame_components(arm, links, frame)[1]
         columns = [pair[0][:task] for pair in kinematics.jacobian_components(arm, links, frame, place)]
         load = dynamics.torque_components(arm, q, [0.0] * arm.dof, [0.0] * arm.dof)

@@ -22,6 +22,7 @@ from paretoik.capability.term_rows import Lanes
 from paretoik.nlp.traced import AssembledRows, Part, TracedRows, trace_rows
 from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arm import Arm
+from paretoik.robot.arm_inputs import TOOL_FRAME
 
 REACH = 5  # coefficients of a cubic spline that two samples beside each other may hang on
 
@@ -192,7 +193,7 @@ def backward_rates(q: list[list[Any]], steps: list[Any]) -> list[list[list[Any]]
 @lru_cache(maxsize=32)
 def _end(arm: Arm, task: int) -> TracedRows:
     def rows(z: list[Any], position: list[Any]) -> tuple[list[Any], list[Any]]:
-        place = kinematics.frame_components(arm, kinematics.link_frames(arm, z), arm.frame("tool"))[1]
+        place = kinematics.frame_components(arm, kinematics.link_frames(arm, z), arm.frame(TOOL_FRAME))[1]
         return [place[a] - position[a] for a in range(task)], []
 
     return trace_rows(arm.dof, task, rows)

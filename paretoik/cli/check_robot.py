@@ -17,9 +17,14 @@ def check_robot(
     file: Annotated[Path, typer.Argument(help="A URDF file.", show_default=False)],
     base: Annotated[str | None, typer.Option(help="First link of the chain (the root).")] = None,
     tip: Annotated[str | None, typer.Option(help="Last link of the chain (the only leaf).")] = None,
+    soft: Annotated[bool, typer.Option("--soft", help="Take the limits of safety controllers.")] = False,
+    repair_inertias: Annotated[
+        bool,
+        typer.Option("--repair-inertias", help="Put the nearest possible inertia in the place of an impossible one."),
+    ] = False,
     as_json: JsonFlag = False,
 ) -> None:
-    """List the faults of a URDF file, and the arm that paretoik would make of it.
+    """List the faults of a URDF file, and the arm that Arm.from_urdf makes of it.
 
     Warnings that are alike are one, with the first names, and of very many lines the first are printed; --json has
     every fault and every warning.
@@ -27,7 +32,7 @@ def check_robot(
     from paretoik.robot.urdf import check_robot as check
     from paretoik.robot.urdf import report_text
 
-    report = check(file, base, tip)
+    report = check(file, base, tip, soft=soft, repair_inertias=repair_inertias)
     if as_json:
         print_json({"summary": report.summary, "warnings": report.warnings, "faults": report.faults})
     else:

@@ -26,7 +26,9 @@ from paretoik.inputs import (
     shown,
 )
 from paretoik.robot.arm_inputs import (
-    OWN_FRAMES,
+    BASE_FRAME,
+    OTHER_NAMES,
+    TOOL_FRAME,
     JointType,
     body_tuple,
     check_joints,
@@ -54,8 +56,9 @@ class Arm:
 
     Joint i moves link i about (or along) the z axis of its own frame; ``placements[i]`` is that frame in the previous
     one (the base for the first) at q = 0. Units are SI and radians. Limits are (lower, upper) rows, infinite where
-    there is none. ``source`` is the URDF it comes from, ``source_digest`` that file's SHA-256, ``notices`` say what
-    it had that the arm has not, such as frozen joints. Every constructor and every method that returns an arm raises
+    there is none; limits of acceleration and jerk come from a URDF of version 1.2. ``source`` is the URDF it comes
+    from, ``source_digest`` that file's SHA-256, ``notices`` say what it had that the arm has not, such as frozen
+    joints. Every constructor and every method that returns an arm raises
     InvalidInput for values that no arm can have.
     """
 
@@ -70,6 +73,8 @@ class Arm:
     position_limits: Float[np.ndarray, "dof 2"]
     velocity_limits: Float[np.ndarray, " dof"]
     torque_limits: Float[np.ndarray, " dof"]
+    acceleration_limits: Float[np.ndarray, " dof"] | None = None
+    jerk_limits: Float[np.ndarray, " dof"] | None = None
     is_planar: bool = False
     frames: Mapping[str, Frame] = field(default_factory=dict)
     source: Path | None = None
@@ -79,8 +84,10 @@ class Arm:
     def __post_init__(self) -> None:
         """Check names, types and limits; make the arrays read-only."""
         check_joints(self.name, self.joint_names, self.joint_types, self.position_limits)
-        for array in (self.gravity, self.position_limits, self.velocity_limits, self.torque_limits):
-            array.setflags(write=False)
+        limits = self.position_limits, self.velocity_limits, self.torque_limits
+        for array in (self.gravity, *limits, self.acceleration_limits, self.jerk_limits):
+            if array is not None:
+                array.setflags(write=False)
 
     @property
     def dof(self) -> int:
@@ -201,18 +208,34 @@ class Arm:
         tip: str | None = None,
         fixed: Mapping[str, float] | None = None,
         zero_limits: Literal["unlimited"] | None = None,
+        soft: bool = False,
+        repair_inertias: bool = False,
     ) -> Arm:
-        """Return the chain from link ``base`` (default: the root) to link ``tip`` (default: the only leaf) of a URDF.
+        """Return the chain from link ``base`` (default: the root) to ``tip`` (default: the only leaf below) of a URDF.
 
-        Fixed joints and massless fixed links are merged; joints off the chain are frozen at 0, and with ``fixed``,
-        named joints at given values. The file is validated first, and its meshes are never opened. A velocity or effort
-        limit of zero is refused unless ``zero_limits="unlimited"`` says that it means none. Gravity is (0, 0, −9.81).
+        Positions and poses are those in the base link; gravity points down in the world of the file's root. Links are
+        merged with what is fixed to them; joints off the chain are frozen at 0, those named in ``fixed`` at given
+        values, and joints that mimic a frozen one where it puts them. The file is validated first: ``check_robot`` with
+        the same arguments lists its faults. Its meshes are never opened.
+
+        ``zero_limits``: "unlimited" takes limits of 0 on velocity, effort, acceleration or jerk as none.
+        ``soft``: True narrows position limits to those of the file's safety controllers.
+        ``repair_inertias``: True puts the nearest inertia of a real body in the place of an impossible one, and says so
+        in ``notices``.
 
         Raises InvalidRobot listing every fault, InvalidInput for unknown names or zero limits.
         """
         from paretoik.robot.urdf import from_urdf  # here, because reading a URDF builds on this class
 
-        return from_urdf(file_path("file", file), base=base, tip=tip, fixed=fixed, zero_limits=zero_limits)
+        return from_urdf(
+            file_path("file", file),
+            base=base,
+            tip=tip,
+            fixed=fixed,
+            zero_limits=zero_limits,
+            soft=soft,
+            repair_inertias=repair_inertias,
+        )
 
     def with_tool(
         self, pose: Pose, *, mass: float = 0.0, center: object = (0.0, 0.0, 0.0), inertia: object = None
@@ -235,7 +258,10 @@ class Arm:
         return replace(self, bodies=(*self.bodies[:-1], last))
 
     def mounted(self, *, base: Pose | None = None, gravity: object = None) -> Arm:
-        """Return the arm mounted at ``base`` in the world, under ``gravity`` (3,) [m/s²] given in world axes."""
+        """Return the arm mounted at ``base`` in the world, under ``gravity`` (3,) [m/s²], both given in world axes.
+
+        None keeps the present one, gravity with its components in world axes.
+        """
         vector = self.gravity.copy() if gravity is None else finite_array("gravity", gravity, (3,))
         if base is not None:
             check_pose("base", base)
@@ -255,7 +281,7 @@ class Arm:
             arm = fix_joint(arm, joint, value)
         return arm
 
-    def pose(self, q: ArrayLike, *, frame: str = "tool") -> Pose:
+    def pose(self, q: ArrayLike, *, frame: str = TOOL_FRAME) -> Pose:
         """Return the pose of a frame in the world at joint positions q (*batch, dof) [rad, m], or a batch of poses.
 
         One pose goes wherever one is wanted: ``pk.line(arm.pose(q), ...)``. Raises InvalidInput for a wrong number of
@@ -266,7 +292,7 @@ class Arm:
         rotation, position = forward_kinematics(self, joint_positions(q, self.dof), frame)
         return pose_batch(position, matrix_to_quaternion(rotation))
 
-    def jacobian(self, q: ArrayLike, *, frame: str = "tool") -> Jacobians:
+    def jacobian(self, q: ArrayLike, *, frame: str = TOOL_FRAME) -> Jacobians:
         """Return the geometric Jacobian (*batch, 6, dof) of a frame at joint positions q (*batch, dof) [rad, m].
 
         J q̇ is the linear velocity of the frame's origin [m/s], then its angular velocity [rad/s], in world axes; a
@@ -277,16 +303,19 @@ class Arm:
         return jacobian(self, joint_positions(q, self.dof), frame)
 
     def frame(self, name: str) -> Frame:
-        """Return the frame called ``name``: "tool", "base", a link named after its joint, or a link of the URDF.
+        """Return the frame called ``name``: a link of the URDF, or a joint, which stands for the link that it moves.
 
-        Raises InvalidInput listing the valid names.
+        ``"tool"`` and ``"base"`` are the arm's tool and base, unless a link or joint has this name; ``"<tool>"`` and
+        ``"<base>"`` always are. Raises InvalidInput listing the valid names.
         """
         origin = Pose(np.zeros(3))
+        tool, base = Frame(link=self.dof - 1, pose=self.tool), Frame(link=-1, pose=origin)
         frames = {
-            "tool": Frame(link=self.dof - 1, pose=self.tool),
-            "base": Frame(link=-1, pose=origin),
+            **dict(zip(OTHER_NAMES, (tool, base), strict=True)),
             **{joint: Frame(link=i, pose=origin) for i, joint in enumerate(self.joint_names)},
-            **{link: frame for link, frame in self.frames.items() if link not in OWN_FRAMES},
+            **self.frames,
+            TOOL_FRAME: tool,
+            BASE_FRAME: base,
         }
         if not isinstance(name, str) or name not in frames:
             hint = likely_spelling(name, frames)

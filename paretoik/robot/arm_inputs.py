@@ -14,7 +14,8 @@ from paretoik.robot.body import Body
 
 JointType: TypeAlias = Literal["revolute", "continuous", "prismatic"]
 JOINT_TYPES: tuple[JointType, ...] = ("revolute", "continuous", "prismatic")
-OWN_FRAMES = ("tool", "base")  # that every arm has
+TOOL_FRAME, BASE_FRAME = OWN_FRAMES = ("<tool>", "<base>")  # that every arm has; no joint or link has these names
+OTHER_NAMES = ("tool", "base")  # of the same frames, unless a joint or link has them
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,10 +36,6 @@ def check_joints(
         raise InvalidInput(f"arm {arm}: wants at least one moving joint, got none")
     if len(set(names)) != len(names):
         raise InvalidInput(f"arm {arm}: joint names must differ, got {', '.join(names)}")
-    for name in names:
-        if name in OWN_FRAMES:  # it would stand for the joint's link
-            wish = f"joint names must be others than those of its frames, {', '.join(OWN_FRAMES)}"
-            raise InvalidInput(f"arm {arm}: {wish}, got {shown(name)}")
     for joint_type in types:
         check_choice(f"arm {arm}: joint type", joint_type, JOINT_TYPES)
     for name, (low, high) in zip(names, np.reshape(limits, (-1, 2)), strict=False):
@@ -89,6 +86,9 @@ def joint_tuple(names: object, count: int) -> tuple[str, ...]:
         raise InvalidInput(f"joint_names wants {count} different names, got {shown(names)}")
     for joint in joints:
         check_text("joint_names", joint)
+        if joint in (*OWN_FRAMES, *OTHER_NAMES):
+            wish = f"must be others than the arm's own frames, {', '.join((*OTHER_NAMES, *OWN_FRAMES))}"
+            raise InvalidInput(f"joint_names {wish}, got {shown(joint)}")
     return joints
 
 

@@ -90,6 +90,17 @@ def inertia_fault(inertia: Matrix3) -> str | None:
     return None
 
 
+def nearest_inertia(inertia: Matrix3) -> Matrix3:
+    """Return the nearest inertia that a real body has, with no second moment ∫ r rᵀ dm below 0.
+
+    The second moments are ½ tr(I) 1 − I; those below 0 become 0. Source: Wensing, Kim & Slotine 2018.
+    """
+    moments, axes = np.linalg.eigh(np.trace(inertia) / 2 * np.eye(3) - inertia)
+    moments = np.maximum(moments, 0.0)
+    nearest: Matrix3 = (axes * (moments.sum() - moments)) @ axes.T
+    return nearest
+
+
 def transform_body(body: Body, pose: Pose) -> Body:
     """Return the body, given in a frame at ``pose``, in the frame that ``pose`` is given in."""
     rotation = pose.rotation

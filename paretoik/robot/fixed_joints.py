@@ -50,6 +50,8 @@ def fix_joint(arm: Arm, joint: str, value: float) -> Arm:
         position_limits=arm.position_limits[others],
         velocity_limits=arm.velocity_limits[others],
         torque_limits=arm.torque_limits[others],
+        acceleration_limits=None if arm.acceleration_limits is None else arm.acceleration_limits[others],
+        jerk_limits=None if arm.jerk_limits is None else arm.jerk_limits[others],
         frames={name: _without_joint(frame, i, fixed) for name, frame in arm.frames.items()},
     )
 

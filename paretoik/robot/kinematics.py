@@ -17,6 +17,7 @@ from jaxtyping import Inexact
 from paretoik.arrays import Jacobians, Joints, Positions, Rotations
 from paretoik.robot.arm import Arm
 from paretoik.robot.arm_constants import arm_constants, joint_cosines_and_sines
+from paretoik.robot.arm_inputs import TOOL_FRAME
 from paretoik.robot.components import (
     ZERO,
     Component,
@@ -94,7 +95,7 @@ def jacobian_components(arm: Arm, links: LinkFrames, frame: Frame, position: Vec
     return columns
 
 
-def forward_kinematics(arm: Arm, q: Joints, frame: str = "tool") -> tuple[Rotations, Positions]:
+def forward_kinematics(arm: Arm, q: Joints, frame: str = TOOL_FRAME) -> tuple[Rotations, Positions]:
     """Return rotation (*batch, 3, 3) and position (*batch, 3) [m] of a frame in the world at q (*batch, dof).
 
     Raises InvalidInput for an unknown frame or a wrong number of joints.
@@ -109,7 +110,7 @@ def forward_kinematics(arm: Arm, q: Joints, frame: str = "tool") -> tuple[Rotati
     return out[..., :9].reshape(*out.shape[:-1], 3, 3), out[..., 9:]
 
 
-def jacobian(arm: Arm, q: Joints, frame: str = "tool") -> Jacobians:
+def jacobian(arm: Arm, q: Joints, frame: str = TOOL_FRAME) -> Jacobians:
     """Return the geometric Jacobian (*batch, 6, dof), linear rows first, of a frame in world axes.
 
     Raises InvalidInput for an unknown frame or a wrong number of joints.
@@ -132,5 +133,5 @@ def link_nodes(arm: Arm, q: Joints) -> Inexact[np.ndarray, "*batch nodes 3"]:
 def node_components(arm: Arm, q: Sequence[Component]) -> list[Component]:
     """Return the nodes of ``link_nodes`` as components, x, y, z of each in turn."""
     links = link_frames(arm, q)
-    tool = frame_components(arm, links, arm.frame("tool"))[1]
+    tool = frame_components(arm, links, arm.frame(TOOL_FRAME))[1]
     return [value for node in (arm_constants(arm).base_translation, *links.origins, tool) for value in node]

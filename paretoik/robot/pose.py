@@ -77,12 +77,9 @@ class Pose:
     @classmethod
     def from_rpy(cls, position: ArrayLike, rpy: ArrayLike) -> Pose:
         """Pose from roll, pitch and yaw [rad] about the fixed axes x, y, z in this order, as URDF writes it."""
-        roll, pitch, yaw = finite_array("pose rpy", rpy, shape=(3,)) / 2
+        angles = finite_array("pose rpy", rpy, shape=(3,))
         check_angles("pose rpy", rpy)
-        about_x = np.array([np.cos(roll), np.sin(roll), 0.0, 0.0])
-        about_y = np.array([np.cos(pitch), 0.0, np.sin(pitch), 0.0])
-        about_z = np.array([np.cos(yaw), 0.0, 0.0, np.sin(yaw)])
-        return cls(position, quaternion_product(about_z, quaternion_product(about_y, about_x)))
+        return cls(position, rpy_to_quaternion(angles))
 
     @classmethod
     def planar(cls, x: float, y: float, angle: float = 0.0) -> Pose:
@@ -195,6 +192,15 @@ def quaternion_product(
         ],
         axis=-1,
     )
+
+
+def rpy_to_quaternion(rpy: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " 4"]:
+    """Return the unit quaternion (w, x, y, z) of roll, pitch and yaw [rad], turns about fixed x, y, z in this order."""
+    roll, pitch, yaw = rpy / 2
+    about_x = np.array([np.cos(roll), np.sin(roll), 0.0, 0.0])
+    about_y = np.array([np.cos(pitch), 0.0, np.sin(pitch), 0.0])
+    about_z = np.array([np.cos(yaw), 0.0, 0.0, np.sin(yaw)])
+    return quaternion_product(about_z, quaternion_product(about_y, about_x))
 
 
 def quaternion_to_matrix(quaternions: Float[np.ndarray, "*batch 4"]) -> Float[np.ndarray, "*batch 3 3"]:

@@ -5,8 +5,9 @@ Joint frames have their axis along z; fixed links are merged into those that mov
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 from pathlib import Path
 from typing import Literal
 
@@ -15,18 +16,20 @@ import numpy as np
 from paretoik.arrays import Matrix3, Vector3
 from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput, InvalidRobot
-from paretoik.inputs import check_choice, check_mapping, file_path, shown
+from paretoik.inputs import check_choice, check_flag, check_mapping, file_path, shown
 from paretoik.robot.arm import EARTH_GRAVITY, Arm
 from paretoik.robot.arm_inputs import JointType
-from paretoik.robot.body import Body, combine_bodies, transform_body
+from paretoik.robot.body import Body, combine_bodies, inertia_fault, nearest_inertia, transform_body
 from paretoik.robot.fixed_joints import joint_motion
 from paretoik.robot.frame import Frame
 from paretoik.robot.pose import Pose
 from paretoik.robot.urdf_chain import Chain, find_zero_limits, select_chain
-from paretoik.robot.urdf_description import OTHER_TYPES, JointDescription, RobotDescription
-from paretoik.robot.urdf_faults import group_messages, inertia_faults, list_messages, shorten_list
+from paretoik.robot.urdf_description import ORIGIN, Fault, JointDescription, RobotDescription
+from paretoik.robot.urdf_faults import group_messages, list_messages, shorten_list
 from paretoik.robot.urdf_reading import read_robot
 from paretoik.tables import fit_screen, html_representation
+
+TILT_TOLERANCE = 1e-9  # m/s² of gravity: what rounding makes of a base that is level
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,28 +55,44 @@ def report_text(report: RobotReport) -> str:
 
 
 @check_call
-def check_robot(file: str | Path, base: str | None = None, tip: str | None = None) -> RobotReport:
-    """Return what a URDF holds, between links ``base`` (default: the root) and ``tip`` (default: the only leaf).
+def check_robot(
+    file: str | Path,
+    base: str | None = None,
+    tip: str | None = None,
+    *,
+    fixed: Mapping[str, float] | None = None,
+    soft: bool = False,
+    repair_inertias: bool = False,
+) -> RobotReport:
+    """Return what ``Arm.from_urdf`` makes of a URDF with the same arguments, and every fault that it would refuse.
 
-    Never opens a mesh. Raises InvalidInput where there is no such file, or for links that it has not.
+    If ``tip`` is not given and the base carries several leaves, faults are those that every tip has. Never opens a
+    mesh. Raises InvalidInput for a missing file, and for links and joints that it has not.
     """
     file = file_path("file", file)
+    fixed = _check_options(fixed, soft, repair_inertias)
     try:
         robot = read_robot(file)
     except InvalidRobot as error:
         return RobotReport(file=file, faults=error.faults, warnings=(), summary=())
-    faults, warnings = robot.faults, robot.warnings
     summary = [f"robot {robot.name}: {len(robot.links)} links, {len(robot.joints)} joints"]
-    if not faults:
-        summary.append(f"root {robot.roots[0]}, leaves {', '.join(robot.leaves)}")
-        if tip is None and len(robot.leaves) > 1:
-            summary.append(f"several leaves: name one as tip to see its chain{_trunk_text(robot)}")
-            faults = list_messages(inertia_faults(robot.links.values()))
-        else:
-            chain = select_chain(str(file), robot, base, tip, {})
-            summary.append(f"chain {chain.base} to {chain.tip}: {len(chain.moving)} moving joints")
-            summary += [_summarise(joint) for joint in chain.moving]
-            faults, warnings = chain.faults, (*warnings, *chain.notices, *find_zero_limits(chain))
+    if robot.faults:
+        return RobotReport(file=file, faults=robot.faults, warnings=robot.warnings, summary=tuple(summary))
+    summary.append(f"root {robot.roots[0]}, leaves {', '.join(robot.leaves)}")
+    trunk = robot.trunk(base or robot.roots[0])
+    if tip is None and trunk[-1] not in robot.leaves:
+        chain = select_chain(str(file), robot, base, trunk[-1], fixed, soft=soft)
+        summary.append(f"several leaves: name one as tip to see its chain{_trunk_text(chain)}")
+        faults = _build_arm(robot, chain, repair_inertias)[1] if chain.moving else list_messages(chain.faults)
+        every = list_messages(robot.part_faults)
+        others = [each for each in every if not any(fault.startswith(each) for fault in faults)]
+        warnings = (*robot.warnings, *(f"{each}; it matters on a chain that it is on" for each in others))
+    else:
+        chain = select_chain(str(file), robot, base, tip, fixed, soft=soft)
+        summary.append(f"chain {chain.base} to {chain.tip}: {len(chain.moving)} moving joints")
+        summary += [_summarise(joint) for joint in chain.moving]
+        _, faults, notices = _build_arm(robot, chain, repair_inertias)
+        warnings = (*robot.warnings, *notices, *find_zero_limits(chain))
     return RobotReport(file=file, faults=faults, warnings=warnings, summary=tuple(summary))
 
 
@@ -84,110 +103,180 @@ def from_urdf(
     tip: str | None,
     fixed: Mapping[str, float] | None,
     zero_limits: Literal["unlimited"] | None = None,
+    soft: bool = False,
+    repair_inertias: bool = False,
 ) -> Arm:
     """Return the arm between two links of a URDF; see ``Arm.from_urdf``.
 
     Raises InvalidRobot listing every fault, InvalidInput for unknown names or zero limits.
     """
     check_choice("zero_limits", zero_limits, (None, "unlimited"))
-    if fixed is not None:
-        check_mapping("fixed", fixed, "values by joint", example="{'joint1': 0.3}")
+    fixed = _check_options(fixed, soft, repair_inertias)
     robot = read_robot(file)
     if robot.faults:
         raise InvalidRobot(str(file), robot.faults)
-    chain = select_chain(str(file), robot, base, tip, dict(fixed or {}))
-    if chain.faults:
-        raise InvalidRobot(str(file), chain.faults)
+    chain = select_chain(str(file), robot, base, tip, fixed, soft=soft)
+    arm, faults, notices = _build_arm(robot, chain, repair_inertias)
+    if arm is None:
+        raise InvalidRobot(str(file), faults)
     if zero_limits is None and (zeros := find_zero_limits(chain)):
         raise InvalidInput(f"{file}: {'; '.join(zeros)}")
-    return replace(_build_arm(str(file), robot, chain), source=file, source_digest=robot.digest)
+    return replace(arm, source=file, source_digest=robot.digest, notices=(*robot.warnings, *notices))
 
 
-def _trunk_text(robot: RobotDescription) -> str:
-    """Return which links, from the last moving joint on, all leaves hang from: one may be the tip; "" for none."""
-    moving = [joint.child for joint in robot.joints.values() if joint.type not in OTHER_TYPES]
-    trunk = robot.trunk
-    last = max((row for row, link in enumerate(trunk) if link in moving), default=None)
-    return "" if last is None else f", or a link that all of them hang from: {', '.join(trunk[last:])}"
+def _check_options(fixed: Mapping[str, float] | None, soft: bool, repair_inertias: bool) -> dict[str, float]:
+    if fixed is not None:
+        check_mapping("fixed", fixed, "values by joint", example="{'joint1': 0.3}")
+    check_flag("soft", soft)
+    check_flag("repair_inertias", repair_inertias)
+    return dict(fixed or {})
+
+
+def _trunk_text(chain: Chain) -> str:
+    """Return which links, from the last moving joint on, carry all leaves: one may be the tip; "" if there are none."""
+    moved = [joint.child for joint in chain.moving]
+    last = max((row for row, link in enumerate(chain.links) if link in moved), default=None)
+    return "" if last is None else f", or a link that all of them hang from: {', '.join(chain.links[last:])}"
 
 
 def _summarise(joint: JointDescription) -> str:
     length, force = ("m", "N") if joint.type == "prismatic" else ("rad", "N m")
-    limits = f"{joint.lower:g} to {joint.upper:g} {length}" if np.isfinite(joint.upper - joint.lower) else "no end"
-    return f"  {joint.name}: {joint.type}, {limits}, {joint.velocity:g} {length}/s, {joint.effort:g} {force}"
+    limits = joint.limits
+    positions = f"{limits.lower:g} to {limits.upper:g} {length}"
+    parts = [positions if np.isfinite(limits.upper - limits.lower) else "no end"]
+    parts += [f"{limits.velocity:g} {length}/s", f"{limits.effort:g} {force}"]
+    parts += [f"{limits.acceleration:g} {length}/s²"] * bool(np.isfinite(limits.acceleration))
+    return f"  {joint.name}: {joint.type}, {', '.join(parts)}"
 
 
-def _build_arm(source: str, robot: RobotDescription, chain: Chain) -> Arm:
-    """Return the arm of a chain without faults, under gravity (0, 0, −9.81) m/s².
+def _build_arm(
+    robot: RobotDescription, chain: Chain, repair: bool
+) -> tuple[Arm | None, tuple[str, ...], tuple[str, ...]]:
+    """Return the arm of a chain, None if there are faults; these faults; and notices of what the arm has not.
 
-    Raises InvalidRobot, naming ``source``, where offsets or masses are too large to add up.
+    Gravity is (0, 0, −9.81) m/s² in the world of the file's root.
     """
-    moving = chain.moving
-    types: tuple[JointType, ...] = tuple(joint.type for joint in moving)  # type: ignore[misc]  # of JOINT_TYPES
+    moving, faults, notices = chain.moving, list(chain.faults), list(chain.notices)
+    if not moving:
+        faults.append((1, f"a joint that moves wanted between {chain.base!r} and {chain.tip!r}, got none"))
     try:
         with np.errstate(over="ignore", invalid="ignore"):
             frames, placements = _place_links(chain)
-            bodies = _merge_links(robot, frames, len(moving))
-    except InvalidInput as error:  # an offset that is not finite
-        raise InvalidRobot(source, [f"the robot: {error}"]) from None
-    for joint, body in zip(moving, bodies, strict=True):
+            merged = [_merge_links(robot, chain, frames, number, repair) for number in range(len(moving))]
+    except InvalidInput as error:  # an offset that is too large
+        return None, list_messages([*faults, (1, f"the robot: {error}")]), tuple(notices)
+    unmoved = [link for link in robot.links.values() if link.name not in frames or frames[link.name].link < 0]
+    unused = [link.inertia_fault for link in unmoved if link.inertia_fault]
+    notices += list_messages((line, f"{said}; no joint moves it, left out") for line, said in unused)
+    for joint, (body, wrong, said) in zip(moving, merged, strict=True):
+        faults += wrong
+        notices += list_messages(said)
         if not np.isfinite([body.mass, *body.center, *body.inertia.flat]).all():
-            raise InvalidRobot(
-                source, [f"joint {shown(joint.name)}: masses that can be added up wanted, got too large ones"]
-            )
-    return Arm(
+            wish = "masses that can be added up wanted, got too large ones"
+            faults.append((joint.line, f"joint {shown(joint.name)}: {wish}"))
+        elif body.mass == 0.0:
+            use = "" if joint is moving[-1] else ", though other joints follow it: no torques and energies of this arm"
+            notices.append(f"joint {joint.name!r}: moves no mass{use}")
+    if faults:
+        return None, list_messages(faults), tuple(notices)
+    gravity = frames[robot.roots[0]].pose.rotation @ np.array(EARTH_GRAVITY)
+    if np.abs(gravity - EARTH_GRAVITY).max() > TILT_TOLERANCE:
+        axes = ", ".join(f"{value:.4g}" for value in gravity)
+        text = f"gravity is ({axes}) m/s² in its axes; mounted(base=...) keeps that unless it gets gravity, too"
+        notices.append(f"base {chain.base!r} is tilted against the root {robot.roots[0]!r}: {text}")
+    limits = [joint.limits for joint in moving]
+    types: tuple[JointType, ...] = tuple(joint.type for joint in moving)  # type: ignore[misc]  # of JOINT_TYPES
+    arm = Arm(
         name=robot.name,
         joint_names=tuple(joint.name for joint in moving),
         joint_types=types,
         placements=placements,
-        bodies=bodies,
+        bodies=tuple(body for body, _, _ in merged),
         tool=frames[chain.tip].pose,
-        base=Pose(np.zeros(3)),
-        gravity=np.array(EARTH_GRAVITY),
-        position_limits=np.array([[joint.lower, joint.upper] for joint in moving]),
-        velocity_limits=np.array([joint.velocity or np.inf for joint in moving]),
-        torque_limits=np.array([joint.effort or np.inf for joint in moving]),
-        frames={link: frames[link] for link in robot.links if link in frames},
-        notices=(*robot.warnings, *chain.notices),
+        base=ORIGIN,
+        gravity=gravity,
+        position_limits=np.array([[each.lower, each.upper] for each in limits]),
+        velocity_limits=np.array([each.velocity or np.inf for each in limits]),
+        torque_limits=np.array([each.effort or np.inf for each in limits]),
+        acceleration_limits=np.array([each.acceleration or np.inf for each in limits]),
+        jerk_limits=np.array([each.jerk or np.inf for each in limits]),
+        frames={
+            **{joint.name: frames[joint.child] for joint in moving},  # the frame of a joint is that of its child
+            **{link: frames[link] for link in robot.links if link in frames},
+        },
+        notices=tuple(notices),
     )
+    return arm, (), tuple(notices)
 
 
 def _place_links(chain: Chain) -> tuple[dict[str, Frame], tuple[Pose, ...]]:
     """Return every link's frame on the moving link that carries it, and the placements of the moving joints.
 
-    The frame of a moving link is that of its joint, turned so that z is the joint's axis.
+    The frame of a moving link is that of its joint, turned so that z is the joint's axis. What a joint off the chain
+    carries has no frame if the joint cannot be placed.
     """
+
+    def at_rest(joint: JointDescription) -> Pose:
+        return joint.origin @ joint_motion(joint.type, chain.frozen.get(joint.name, 0.0), joint.axis)
+
     numbers = {joint.name: number for number, joint in enumerate(chain.moving)}
-    frames = {chain.base: Frame(link=-1, pose=Pose(np.zeros(3)))}
-    placements: dict[int, Pose] = {}
-    for joint in chain.below:
-        parent = frames[joint.parent]
-        origin = parent.pose @ Pose.from_rpy(joint.xyz, joint.rpy)
+    frames = {chain.base: Frame(link=-1, pose=ORIGIN)}
+    for joint in chain.above:
+        frames[joint.parent] = Frame(link=-1, pose=frames[joint.child].pose @ at_rest(joint).inverse())
+    placements = []
+    for joint in chain.joints:
+        parent = frames.get(joint.parent)
+        if joint.child in frames or parent is None:
+            continue
         if joint.name in numbers:
             turn = _rotation_of_z(np.array(joint.axis))
-            placements[numbers[joint.name]] = origin @ turn
+            placements.append(parent.pose @ joint.origin @ turn)
             frames[joint.child] = Frame(link=numbers[joint.name], pose=turn.inverse())
-        else:
-            frozen = joint_motion(joint.type, chain.frozen.get(joint.name, 0.0), joint.axis)
-            frames[joint.child] = Frame(link=parent.link, pose=origin @ frozen)
-    return frames, tuple(placements[number] for number in range(len(placements)))
+        elif not joint.misplaced or joint.child in chain.links:
+            frames[joint.child] = Frame(link=parent.link, pose=parent.pose @ at_rest(joint))
+    return frames, tuple(placements)
 
 
-def _merge_links(robot: RobotDescription, frames: dict[str, Frame], count: int) -> tuple[Body, ...]:
-    """Return the body of each moving link with all links that are fixed to it; those of the base are left out."""
-    bodies: list[Body | None] = [None] * count
-    for name, frame in frames.items():
-        if frame.link >= 0:
-            link = robot.links[name]
-            inertial = Body(mass=link.mass, center=np.zeros(3), inertia=link.inertia)
-            body = transform_body(transform_body(inertial, Pose.from_rpy(link.xyz, link.rpy)), frame.pose)
-            before = bodies[frame.link]
-            bodies[frame.link] = body if before is None else combine_bodies(before, body)
-    return tuple(body for body in bodies if body is not None)
+def _merge_links(
+    robot: RobotDescription, chain: Chain, frames: Mapping[str, Frame], number: int, repair: bool
+) -> tuple[Body, list[Fault], list[Fault]]:
+    """Return the body that a moving joint moves, its link with all that is fixed to it; its faults; and notices.
+
+    The inertia of this body must be that of a real one, whatever those of its links are.
+    """
+    links = [robot.links[name] for name, frame in frames.items() if frame.link == number]
+    wrong = {link.name: link.inertia_fault for link in links if link.inertia_fault is not None}
+
+    def merge(others: Mapping[str, Matrix3]) -> Body:
+        bodies = [
+            Body(mass=link.mass, center=np.zeros(3), inertia=others.get(link.name, link.inertia)) for link in links
+        ]
+        placed = [
+            transform_body(transform_body(body, link.origin), frames[link.name].pose)
+            for body, link in zip(bodies, links, strict=True)
+        ]
+        return reduce(combine_bodies, placed)
+
+    def tell(names: Sequence[str], text: str) -> list[Fault]:
+        return [(line, f"{said}; {text.format(moments[name])}") for name in names for line, said in [wrong[name]]]
+
+    body, suspects = merge({}), list(wrong)
+    nearest = {name: nearest_inertia(robot.links[name].inertia) for name in wrong}
+    moments = {name: "{:.4g}, {:.4g} and {:.4g} kg m²".format(*np.linalg.eigvalsh(nearest[name])) for name in wrong}
+    notices: list[Fault] = []
+    if wrong and inertia_fault(body.inertia):
+        if repair:
+            return merge(nearest), [], tell(suspects, "repaired, its principal moments are now {}")
+        aside = [name for name in wrong if name not in chain.links]
+        body, suspects = merge(dict.fromkeys(aside, np.zeros((3, 3)))), [name for name in wrong if name not in aside]
+        notices = tell(aside, "off the chain, taken as a point mass")
+    if suspects and inertia_fault(body.inertia):
+        return body, tell(suspects, "repair_inertias=True (--repair-inertias) makes its principal moments {}"), notices
+    return body, [], [*notices, *tell(suspects, "the body that it is a part of has a real one")]
 
 
 def _rotation_of_z(axis: Vector3) -> Pose:
-    """Return a rotation that takes z to ``axis``, of length 1; exact where that is a coordinate axis."""
+    """Return a rotation that takes z to ``axis``, of length 1; exact if that is a coordinate axis."""
     smallest = int(np.argmin(np.abs(axis)))
     x = np.eye(3)[smallest] - axis[smallest] * axis
     x /= np.linalg.norm(x)

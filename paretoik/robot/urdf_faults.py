@@ -5,12 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
 
-from paretoik.robot.urdf_description import LinkDescription
+from paretoik.robot.urdf_description import Fault
 
-Fault: TypeAlias = tuple[int, str]
-"""Line of the file, and message."""
 LINK_OR_JOINT_MESSAGE = re.compile(r"(?:line \d+: )?(link|joint) ('(?:[^'\\]|\\.)*'|\"(?:[^\"\\]|\\.)*\"): (.*)")
 GOT_CLAUSE = re.compile(r", got [^;]*")
 
@@ -24,11 +21,6 @@ class FaultOptions:
 
 
 OPTIONS = FaultOptions()
-
-
-def inertia_faults(links: Iterable[LinkDescription]) -> list[Fault]:
-    """Return the faults of the inertias of links."""
-    return [link.inertia_fault for link in links if link.inertia_fault is not None]
 
 
 def list_messages(messages: Iterable[Fault]) -> tuple[str, ...]:

@@ -39,10 +39,15 @@ class Element:
         return [child for child in self.children if child.tag == tag]
 
 
-def parse_elements(data: bytes, source: str) -> Element:
-    """Return the ``<robot>`` element with its links and joints, and all that they hold except shapes.
+def is_macro(tag: str) -> bool:
+    """Return whether an element is one that xacro should have expanded."""
+    return tag.startswith("xacro:")
 
-    Raises InvalidRobot, naming ``source`` and the line, where data are not the XML of a robot.
+
+def parse_elements(data: bytes, source: str) -> tuple[Element, list[int]]:
+    """Return the ``<robot>`` element with its links and joints, without their shapes, and the lines of unread macros.
+
+    Raises InvalidRobot, naming ``source`` and the line, if data are not the XML of a robot.
     """
     reader = _Reader(source)
     try:
@@ -54,7 +59,7 @@ def parse_elements(data: bytes, source: str) -> Element:
             raise
         raise reader.error(f"readable text wanted, got {error}", 1) from None
     assert reader.root is not None  # expat reports a document without a root element
-    return reader.root
+    return reader.root, reader.unread_macros
 
 
 def read_bytes(file: Path) -> bytes:
@@ -81,6 +86,7 @@ class _Reader:
         self.root: Element | None = None
         self.open: list[Element | None] = []  # None: inside a part that is skipped
         self.count = 0
+        self.unread_macros: list[int] = []
         self.parser = expat.ParserCreate()
         self.parser.StartElementHandler = self.start
         self.parser.EndElementHandler = self.end
@@ -99,15 +105,17 @@ class _Reader:
             raise self.error(f"at most {OPTIONS.max_elements:,} elements wanted, got more")
         if len(self.open) == OPTIONS.max_depth:
             raise self.error(f"elements nested at most {OPTIONS.max_depth} deep wanted, got deeper ones")
-        if tag.startswith("xacro:"):
-            raise self.error(f"a robot that xacro has expanded wanted, got the macro <{tag[:80]}>")
         element = Element(tag=tag, attributes=attributes, line=self.parser.CurrentLineNumber)
         parent = self.open[-1] if self.open else None
         if not self.open:
             if tag != "robot":
                 raise self.error(f"the root element must be <robot>, got <{tag[:80]}>")
             self.root = element
+        elif parent is self.root and is_macro(tag):  # it may be any number of links and joints
+            raise self.error(f"a robot that xacro has expanded wanted, got the macro <{tag[:80]}>")
         elif parent is None or (parent is self.root and tag not in PARTS) or tag in SHAPES:
+            if is_macro(tag):
+                self.unread_macros.append(element.line)
             self.open.append(None)
             return
         else:

@@ -87,9 +87,14 @@ class Limits:
         """
         check_arm("arm", arm)
         check_size("samples", samples, 1)
-        declared = {"position": arm.position_limits, "velocity": arm.velocity_limits, "torque": arm.torque_limits}
+        declared = {
+            "position": arm.position_limits,
+            "velocity": arm.velocity_limits,
+            "acceleration": arm.acceleration_limits,
+            "torque": arm.torque_limits,
+        }
         every = {kind: _bounds(kind, getattr(self, kind), declared.get(kind), arm, samples) for kind in LIMITED}
-        _warn_of_degrees(self.position, every["position"], declared["position"], arm)
+        _warn_of_degrees(self.position, every["position"], arm.position_limits, arm)
         inwards = self.margin * np.array([1.0, -1.0])
         return {
             kind: bounds + inwards * limit_ranges(bounds[..., 0], bounds[..., 1])[..., None] if self.margin else bounds

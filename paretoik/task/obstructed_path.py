@@ -27,8 +27,9 @@ def warn_of_obstructed_path(task: MotionTask) -> None:
 
 
 def _fixes_tool(task: MotionTask, followed: Task) -> bool:
-    """Say whether a path says where the tool is, all of its position."""
-    return followed.frame == "tool" and (task.arm.is_planar or followed.axes not in ("xy", "xy+angle"))
+    """Return whether a path says where the tool is, all of its position."""
+    follows_tool = task.arm.frame(followed.frame).pose is task.arm.tool
+    return follows_tool and (task.arm.is_planar or followed.axes not in ("xy", "xy+angle"))
 
 
 def _tool_positions(task: MotionTask, followed: Task) -> Float[np.ndarray, "time 3"]:

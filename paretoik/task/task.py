@@ -15,6 +15,7 @@ from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
 from paretoik.inputs import check_choice, check_instance, check_text, shown
 from paretoik.robot.arm import Arm
+from paretoik.robot.arm_inputs import TOOL_FRAME
 from paretoik.robot.components import (
     Component,
     Matrix,
@@ -52,7 +53,9 @@ OPTIONS = TaskOptions()
 @check_call
 @dataclass(frozen=True, eq=False)
 class Task:
-    """Frame ``frame`` of the arm follows ``path`` in ``axes``.
+    """Frame ``frame`` of the arm, by default its tool, follows ``path`` in ``axes``.
+
+    frame: a link of the URDF or a joint by name, or "tool" if nothing else has this name.
 
     axes: "xy" and "xyz" ask for position, "xy+angle" for position and angle in the x-y plane, "xyz+z-axis" for position
     and direction of the frame's z axis, "pose" for all six. None takes the axes of the path: its points, or its poses
@@ -63,7 +66,7 @@ class Task:
     """
 
     path: Path
-    frame: str = "tool"
+    frame: str = TOOL_FRAME
     axes: Axes | None = None
 
     __repr__ = field_representation

@@ -20,6 +20,7 @@ from paretoik.autodiff.tape import Expression, as_entry
 from paretoik.autodiff.tracing import NotLocal, Trace, TracedArray
 from paretoik.errors import InvalidInput
 from paretoik.inputs import likely_spelling
+from paretoik.robot.arm_inputs import TOOL_FRAME
 from paretoik.robot.components import Component
 from paretoik.robot.dynamics import energy_components, torque_components
 from paretoik.robot.kinematics import frame_components, jacobian_components, link_frames, node_components
@@ -161,13 +162,13 @@ class TracedMotion:
 
     def _tool_jacobian(self, q: list[Component]) -> list[Component]:
         """Return the rows of the tool's Jacobian one after the other: those of its position in the plane, else all."""
-        links, frame = link_frames(self.arm, q), self.arm.frame("tool")
+        links, frame = link_frames(self.arm, q), self.arm.frame(TOOL_FRAME)
         columns = jacobian_components(self.arm, links, frame, frame_components(self.arm, links, frame)[1])
         rows = [(0, 0), (0, 1)] if self.arm.is_planar else [(part, axis) for part in (0, 1) for axis in range(3)]
         return [column[part][axis] for part, axis in rows for column in columns]
 
     def _tool(self, q: list[Component]) -> Any:
-        return frame_components(self.arm, link_frames(self.arm, q), self.arm.frame("tool"))
+        return frame_components(self.arm, link_frames(self.arm, q), self.arm.frame(TOOL_FRAME))
 
     def _by_sample(self, kernel: Callable[..., list[Component]]) -> TracedArray:
         joints = [part.entries.reshape(-1, self.arm.dof) for part in (self.q, self.dq, self.ddq)]

@@ -9,6 +9,8 @@ import numpy as np
 
 from paretoik.errors import InvalidInput
 
+TOOL_FRAME = "<tool>"  # as an arm calls its own
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ArmModel:
@@ -67,7 +69,7 @@ class ArmModel:
             object.__setattr__(self, "data", self.model.createData())
         return self.frames[name]
 
-    def poses(self, q: np.ndarray, frame: str = "tool") -> tuple[np.ndarray, np.ndarray]:
+    def poses(self, q: np.ndarray, frame: str = TOOL_FRAME) -> tuple[np.ndarray, np.ndarray]:
         """Return rotations (time, 3, 3) and positions (time, 3) [m] of a frame."""
         number = self.frame_number(frame)
         rotations, positions = np.empty((len(q), 3, 3)), np.empty((len(q), 3))
@@ -77,7 +79,7 @@ class ArmModel:
             rotations[row], positions[row] = place.rotation, place.translation
         return rotations, positions
 
-    def jacobian(self, q: np.ndarray, frame: str = "tool") -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def jacobian(self, q: np.ndarray, frame: str = TOOL_FRAME) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return rotation (3, 3), position (3,) and Jacobian (6, dof) in world axes of a frame in one posture."""
         number = self.frame_number(frame)
         world = self.pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
@@ -87,7 +89,7 @@ class ArmModel:
 
     def nodes(self, q: np.ndarray) -> np.ndarray:
         """Return the arm as polylines (time, dof + 2, 3) [m]: base, every joint, tool."""
-        number = self.frame_number("tool")
+        number = self.frame_number(TOOL_FRAME)
         nodes = np.empty((len(q), self.dof + 2, 3))
         nodes[:, 0] = self.arm.base.position
         for row, one in enumerate(q):

@@ -16,6 +16,7 @@ import numpy as np
 
 from paretoik.formulations.tracking import Tracking
 from paretoik.robot.arm import Arm
+from paretoik.robot.arm_inputs import TOOL_FRAME
 from paretoik.robot.arms import tringali_3r
 from paretoik.robot.components import Component, evaluate_in_blocks
 from paretoik.robot.dynamics import inverse_dynamics
@@ -44,7 +45,7 @@ class Contest:
 
 def pose_and_jacobian(arm: Arm, q: np.ndarray) -> np.ndarray:
     """Return rotation, position and Jacobian of the tool, (*batch, 12 + 6 dof), from one pass over the chain."""
-    tool = arm.frame("tool")
+    tool = arm.frame(TOOL_FRAME)
 
     def kernel(q: Sequence[Component]) -> list[Component]:
         links = link_frames(arm, q)

@@ -112,7 +112,7 @@ def random_urdf(seed: int) -> Oracle:
         file = Path(folder) / "random.urdf"
         file.write_text(robot.text)
         arm = Arm.from_urdf(file, tip=robot.tip, fixed=robot.fixed)
-    return oracle_of(robot.text, arm, robot.tip, robot.frozen)
+    return oracle_of(robot.text, arm, robot.tip, {**robot.frozen, **dict.fromkeys(robot.others, 0.0)})
 
 
 ORACLES: dict[str, Callable[[], Oracle]] = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from paretoik.robot.body import Body, combine_bodies, inertia_fault, transform_body
+from paretoik.robot.body import Body, combine_bodies, inertia_fault, nearest_inertia, transform_body
 from paretoik.robot.pose import Pose
 
 
@@ -23,6 +23,23 @@ from paretoik.robot.pose import Pose
 def test_only_the_inertia_of_a_real_body_passes(inertia, words):
     fault = inertia_fault(inertia)
     assert fault is None if words is None else words in fault
+
+
+def test_the_nearest_inertia_is_real_leaves_a_real_one_and_no_other_real_one_is_nearer():
+    rng = np.random.default_rng(2)
+
+    def moments(inertia):
+        return np.trace(inertia) / 2 * np.eye(3) - inertia
+
+    for _ in range(50):
+        matrix = rng.normal(size=(3, 3))
+        wrong = matrix + matrix.T
+        nearest = nearest_inertia(wrong)
+        assert inertia_fault(nearest) is None
+        np.testing.assert_allclose(nearest_inertia(nearest), nearest, atol=1e-12)
+        distance = np.linalg.norm(moments(nearest) - moments(wrong))
+        points = nearest_inertia(nearest + rng.normal(scale=0.1, size=(20, 3, 3)).mean(axis=0))
+        assert np.linalg.norm(moments(points) - moments(wrong)) >= distance - 1e-12
 
 
 def test_two_bodies_merged_in_any_order_or_frame_are_one():

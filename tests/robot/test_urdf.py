@@ -7,69 +7,59 @@ import sys
 from pathlib import Path
 
 import numpy as np
-import pinocchio
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from paretoik.errors import InvalidInput, InvalidRobot
 from paretoik.robot.arm import Arm
-from paretoik.robot.dynamics import inertia_matrix, inverse_dynamics
-from paretoik.robot.kinematics import forward_kinematics, jacobian
+from paretoik.robot.kinematics import forward_kinematics, link_frames
+from paretoik.robot.pose import Pose
 from paretoik.robot.urdf import check_robot
-from tests.robot.conftest import JACO, PANDA, Oracle, oracle_of, random_urdf
+from paretoik.task.path_shapes import line
+from paretoik.task.task import Task
+from studies.benchmarks.urdf import Tally, Tree, compare_chain, compare_file, random_chains
+from tests.robot.conftest import JACO, PANDA
+from tests.robot.random_urdfs import random_robot
 from tests.robot.urdf_text import BODY, LIMIT, chain_of_three, joint, link
 
 FILES = {PANDA: "panda_hand_tcp", JACO: "j2s6s200_end_effector"}
 
 
-def agree(ours, theirs):
-    scale = np.abs(theirs).max()
-    assert scale > 0
-    assert np.abs(ours - theirs).max() <= 1e-12 * scale
+def agree_with_pinocchio(file: Path, arm: Arm, base: str, fixed: dict[str, float], seed: int) -> None:
+    errors, links = compare_chain(file.read_text(), arm, base, fixed, np.random.default_rng(seed))
+    assert links == len([*arm.frames]) - arm.dof  # the file's links, and the joints that move
+    assert max(errors.values()) <= 1e-12, errors
 
 
-def agree_with_pinocchio(oracle: Oracle):
-    q, dq, ddq = np.random.default_rng(1).normal(size=(3, 3, oracle.arm.dof))
-    model, data, tool = oracle.model, oracle.data, oracle.tool
-
-    def pose(x, frame=tool):
-        pinocchio.framesForwardKinematics(model, data, x)
-        return data.oMf[frame].homogeneous[:3]
-
-    def frame_jacobian(x):
-        return pinocchio.computeFrameJacobian(model, data, x, tool, pinocchio.LOCAL_WORLD_ALIGNED).copy()
-
-    def torques(*state):
-        return pinocchio.rnea(model, data, *state).copy()
-
-    def masses(x):
-        upper = np.triu(pinocchio.crba(model, data, x))
-        return upper + np.triu(upper, 1).T
-
-    rotation, position = forward_kinematics(oracle.arm, q)
-    agree(np.concatenate([rotation, position[..., None]], axis=-1), oracle.over(pose, q))
-    agree(jacobian(oracle.arm, q), oracle.over(frame_jacobian, q))
-    agree(inverse_dynamics(oracle.arm, q, dq, ddq), oracle.over(torques, q, dq, ddq))
-    agree(inertia_matrix(oracle.arm, q), oracle.over(masses, q))
-    for name in oracle.arm.frames:
-        number = model.getFrameId(name, pinocchio.FrameType.BODY)
-        rotation, position = forward_kinematics(oracle.arm, q, name)
-        theirs = oracle.over(lambda x, frame=number: pose(x, frame).copy(), q)
-        agree(np.concatenate([rotation, position[..., None]], axis=-1), theirs)
+def check_random_robot(folder: Path, seed: int) -> None:
+    """Check the chain of a random robot, and chains between random links of it with random joints fixed."""
+    robot, rng = random_robot(seed), np.random.default_rng(seed)
+    file = folder / f"{seed}.urdf"
+    file.write_text(robot.text)
+    agree_with_pinocchio(file, Arm.from_urdf(file, tip=robot.tip, fixed=robot.fixed), robot.links[0], robot.fixed, seed)
+    for base, tip, fixed in random_chains(Tree.from_text(robot.text), rng, leaves=1, pairs=3):
+        options = {"base": base, "tip": tip, "fixed": fixed}
+        faults = check_robot(file, **options).faults
+        if faults:
+            with pytest.raises(InvalidRobot) as refused:
+                Arm.from_urdf(file, **options)
+            assert refused.value.faults == faults
+        else:
+            agree_with_pinocchio(file, Arm.from_urdf(file, **options), base or robot.links[0], fixed, seed)
 
 
-@settings(max_examples=30)
+@settings(max_examples=15)
 @given(seed=st.integers(0, 10**9))
-def test_a_random_robot_is_the_one_that_pinocchio_reads(seed):
-    agree_with_pinocchio(random_urdf(seed))
+def test_every_link_and_torque_of_random_chains_is_that_of_pinocchio(tmp_path_factory, seed):
+    check_random_robot(tmp_path_factory.getbasetemp(), seed)
 
 
 @pytest.mark.slow
 @settings(max_examples=300)
 @given(seed=st.integers(0, 10**9))
-def test_many_random_robots_are_those_that_pinocchio_reads(seed):
-    agree_with_pinocchio(random_urdf(seed))
+def test_every_link_and_torque_of_many_random_chains_is_that_of_pinocchio(tmp_path_factory, seed):
+    check_random_robot(tmp_path_factory.getbasetemp(), seed)
 
 
 def test_every_urdf_of_the_repository_has_a_tip_here():
@@ -78,10 +68,13 @@ def test_every_urdf_of_the_repository_has_a_tip_here():
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
-def test_the_robots_of_the_repository_are_those_that_pinocchio_reads(file):
-    arm = Arm.from_urdf(file, tip=FILES[file])
-    frozen = {notice.split("'")[1]: 0.0 for notice in arm.notices if "frozen at 0" in notice}
-    agree_with_pinocchio(oracle_of(file, arm, FILES[file], frozen))
+def test_chains_of_the_repositorys_robots_are_those_that_pinocchio_reads(file):
+    tally = Tally()
+    compare_file(file, tally, np.random.default_rng(1), leaves=3, pairs=6)
+    assert tally.chains >= 4
+    assert tally.disagreements == 0
+    assert set(tally.refusals) <= {"a joint that moves wanted between  and , got none"}
+    assert max(tally.errors.values()) <= 1e-12, tally.worst
 
 
 def test_the_panda_has_seven_joints_its_files_limits_and_its_fingers_frozen(panda_arm):
@@ -157,11 +150,11 @@ def test_a_link_with_inertia_and_no_mass_adds_its_inertia(write_urdf):
 @pytest.mark.parametrize(
     ("inside", "words"),
     [
-        ('<origin xyz="1e308 0 0"/>', "the robot: pose position"),
-        ('<origin xyz="1e200 0 0"/>', "the robot: pose position: at most"),
+        ('<origin xyz="1e308 0 0"/>', "joint 'k': origin xyz: at most"),
+        ('<origin xyz="9e49 0 0"/>', "the robot: pose position: at most"),
     ],
 )
-def test_offsets_that_overflow_are_refused(write_urdf, inside, words):
+def test_offsets_that_are_too_large_alone_or_together_are_refused(write_urdf, inside, words):
     parts = [*chain_of_three(), link("e"), link("f")]
     parts += [joint("k", "d", "e", "fixed", inside), joint("m", "e", "f", "fixed", inside)]
     with pytest.raises(InvalidRobot, match=words):
@@ -176,11 +169,31 @@ def test_names_may_be_of_any_alphabet_and_even_of_pinocchios_own(write_urdf):
     assert "手 <1>" in arm.frames
 
 
-def test_links_called_tool_or_base_do_not_hide_the_arms_own_frames(write_urdf):
-    parts = [link("base"), link("tool"), link("tip"), joint("j1", "base", "tool")]
+def test_links_called_tool_and_base_are_those_of_the_file_and_the_arms_own_frames_have_other_names(write_urdf):
+    turned = '<origin xyz="0 0 1" rpy="0 0 1.5"/>'
+    parts = [link("root"), link("base"), link("tool"), link("tip"), joint("mount", "root", "base", "fixed", turned)]
     origin = '<origin xyz="1 0 0"/>'
-    arm = Arm.from_urdf(write_urdf(*parts, joint("j2", "tool", "tip", inside=LIMIT + origin)))
-    assert forward_kinematics(arm, np.zeros(2))[1] == pytest.approx([1.0, 0.0, 0.0])
+    parts += [joint("j1", "base", "tool"), joint("j2", "tool", "tip", inside=LIMIT + origin)]
+    arm = Arm.from_urdf(write_urdf(*parts))
+    q = np.zeros(2)
+    np.testing.assert_allclose(arm.pose(q, frame="base").matrix, Pose.from_rpy([0, 0, 1], [0, 0, 1.5]).matrix)
+    np.testing.assert_allclose(arm.pose(q, frame="tool").matrix, arm.pose(q, frame="base").matrix)
+    np.testing.assert_allclose(arm.pose(q).matrix, arm.pose(q, frame="tip").matrix)
+    longer = arm.with_tool(Pose([0.0, 0.0, 0.5]))
+    np.testing.assert_allclose(longer.pose(q, frame="<tool>").matrix, longer.pose(q).matrix)
+    assert longer.pose(q).position[2] == pytest.approx(1.5)
+    assert longer.pose(q, frame="tool").position[2] == pytest.approx(1.0)
+    assert Arm.from_urdf(write_urdf(*parts), base="base").pose(q, frame="root").position[2] == pytest.approx(-1.0)
+
+
+def test_a_path_for_a_link_called_tool_is_followed_by_that_link(write_urdf):
+    parts = [link("tool"), link("a"), link("b"), joint("j1", "tool", "a")]
+    arm = Arm.from_urdf(write_urdf(*parts, joint("j2", "a", "b", inside=LIMIT + '<origin xyz="1 0 0"/>')))
+    path = line([0.5, 0.0, 0.0], [0.6, 0.0, 0.0], duration=1.0, samples=3)
+    links = link_frames(arm, [0.0, 0.0])
+    for frame, place in ({"frame": "tool"}, 0.0), ({}, 1.0):
+        task = Task(path, axes="xyz", **frame)
+        assert task.errors(arm, links, task.targets(path.times)[0])[0] == pytest.approx(0.5 - place)
 
 
 def test_meshes_are_never_opened_and_the_network_is_never_asked(write_urdf, monkeypatch):

@@ -32,8 +32,8 @@ FAULTS = {
     "mass with a comma": (massed('<mass value="1,5"/>'), "must be a number, got '1,5'"),
     "mass with an underscore": (massed('<mass value="1_5"/>'), "must be a number, got '1_5'"),
     "mass in Arabic digits": (massed('<mass value="١"/>'), "must be a number, got '١'"),
-    "two masses": (massed(MASS + MASS), "line 4: link 'b': wants one <mass>, got 2"),
-    "two inertials": (robot(BODY + BODY), "line 4: link 'b': wants one <inertial>, got 2"),
+    "two masses": (massed(MASS + MASS), "line 4: link 'b': must have one <mass>, got 2"),
+    "two inertials": (robot(BODY + BODY), "line 4: link 'b': must have one <inertial>, got 2"),
     "missing inertia": (massed(MASS, ""), "line 4: link 'b': its <inertial> must have an <inertia>, got none"),
     "half an inertia": (massed(MASS, '<inertia ixx="1"/>'), "line 4: link 'b': <inertia> must have izz, got none"),
     "NaN inertia": (moments("NaN", 1, 1), "line 4: link 'b': inertia ixx must be a number, got 'NaN'"),
@@ -65,31 +65,48 @@ FAULTS = {
         limited('<limit lower="0" upper="1" effort="1"/>'),
         "line 5: joint 'j': <limit> must have velocity, got none",
     ),
-    "no limit": (limited(""), "line 5: joint 'j': a revolute joint wants a <limit>, got none"),
-    "no limit on a slide": (limited("", "prismatic"), "a prismatic joint wants a <limit>, got none"),
+    "no limit": (limited(""), "line 5: joint 'j': a revolute joint must have a <limit>, got none"),
+    "no limit on a slide": (limited("", "prismatic"), "a prismatic joint must have a <limit>, got none"),
     "unknown type": (limited(LIMIT, "ball"), "line 5: joint 'j': type must be one of revolute, continuous, "),
     "no type": (robot(joint=f'<joint name="j">{ENDS}</joint>'), "line 5: joint 'j': type must be one of"),
     "no child": (jointed('<parent link="a"/>' + LIMIT), "line 5: joint 'j': must name a child link, got none"),
     "mimic with text": (limited(LIMIT + '<mimic joint="j" multiplier="m"/>'), "mimic multiplier must be a number"),
+    "origin with two rotations": (
+        limited(LIMIT + '<origin rpy="0 0 0" quat_xyzw="0 0 0 1"/>'),
+        "line 5: joint 'j': origin must have rpy or quat_xyzw, got both",
+    ),
+    "zero quaternion": (
+        limited(LIMIT + '<origin quat_xyzw="0 0 0 0"/>'),
+        "line 5: joint 'j': quat_xyzw must not be zero, got 0 0 0 0",
+    ),
+    "short quaternion": (limited(LIMIT + '<origin quat_xyzw="0 0 1"/>'), "origin quat_xyzw must be 4 numbers"),
+    "far origin": (limited(LIMIT + '<origin xyz="1e200 0 0"/>'), "line 5: joint 'j': origin xyz: at most 1e+50 m"),
+    "text acceleration": (limited(LIMIT.replace("/>", ' acceleration="x"/>')), "limit acceleration must be a number"),
+    "negative jerk": (limited(LIMIT.replace("/>", ' jerk="-1"/>')), "jerk limit must not be negative, got -1"),
+    "macro in a link": (
+        robot(body="<xacro:block/>"),
+        "line 4: link 'b': must be expanded by xacro, got the macro <xacro:block>",
+    ),
+    "name of a frame": (robot(more='<link name="&lt;tool&gt;"/>'), "line 6: link '<tool>': name must be none of the"),
     "two links of a name": (
         robot(more='<link name="a"/>'),
-        "line 6: link 'a': a name of its own wanted, got that of line 3",
+        "line 6: link 'a': name must be its own, got that of line 3",
     ),
-    "two joints of a name": (robot(more=JOINT), "line 6: joint 'j': a name of its own wanted, got that of line 5"),
+    "two joints of a name": (robot(more=JOINT), "line 6: joint 'j': name must be its own, got that of line 5"),
     "link without a name": (robot(more="<link/>"), "line 6: a <link> must have a name, got none"),
     "name of a novel": (
         robot(more=f'<link name="{"x" * 5000}"/>'),
-        "a name of at most 200 characters as they are printed wanted, got 5000",
+        "name must have at most 200 characters as they are printed, got 5000",
     ),
     "name that is not printable": (
         robot(more=f'<link name="{chr(127) * 60}"/>'),
-        "a name of at most 200 characters as they are printed wanted, got 240",
+        "name must have at most 200 characters as they are printed, got 240",
     ),
     "no links": (HEAD + TAIL, "line 2: the robot must have a link, got none"),
     "text damping": (limited(LIMIT + '<dynamics damping="wet"/>'), "dynamics damping must be a number, got 'wet'"),
     "too many links": (
         robot(more="".join(f'<link name="n{i}"/>' for i in range(1000))),
-        "the robot: at most 1000 links wanted, got 1002",
+        "the robot must have at most 1000 links, got 1002",
     ),
 }
 
@@ -122,7 +139,7 @@ def test_all_faults_of_a_file_are_listed_at_once_in_the_order_of_its_lines(tmp_p
     lines = [int(fault.split(":")[0].removeprefix("line ")) for fault in faults]
     assert lines == sorted(lines)
     assert len(faults) == 7
-    for words in ("negative", "triangle", "swapped", "zero", "mimic a", "of its own", "one root"):
+    for words in ("negative", "triangle", "swapped", "zero", "mimic a", "its own", "one root"):
         assert sum(words in fault for fault in faults) == 1
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 from jaxtyping import Float
-from rerun.urdf import UrdfJoint, UrdfTree
+from rerun.urdf import UrdfTree
 
 from paretoik.review.drawing_options import DRAWING
 from paretoik.robot.arm import Arm
@@ -33,13 +33,10 @@ class ArmMeshes:
     def log(self, recording: rr.RecordingStream, scene: str) -> None:
         """Log the meshes, and where they stand in the view at entity ``scene``."""
         self.tree.log_urdf_to_recording(recording=recording)
-        parents = {joint.child_link: joint for joint in self.tree.joints()}
-        link, frame = next((name, each) for name, each in self.arm.frames.items() if each.link < 0)
-        below = Pose(np.zeros(3))
-        while link in parents:  # of the chain's base, other joints at 0
-            below, link = _origin(parents[link]) @ below, parents[link].parent_link
-        mount = self.arm.base @ frame.pose @ below.inverse()
-        transform = _transform(mount, f"tf#/{scene}", self.root + link)
+        children = {joint.child_link for joint in self.tree.joints()}
+        root = next(link for link, frame in self.arm.frames.items() if frame.link < 0 and link not in children)
+        mount = self.arm.base @ self.arm.frames[root].pose
+        transform = _transform(mount, f"tf#/{scene}", self.root + root)
         recording.log(f"{self.root}_joints/mount", transform, static=True)
         for joint in self.tree.joints():
             frames = [self.arm.frames.get(link) for link in (joint.parent_link, joint.child_link)]
@@ -116,10 +113,6 @@ def _find(name: str, source: Path) -> Path | None:
         places = [*source.resolve().parents, *folders, *(folder / "share" for folder in folders)]
         candidates = [parent / inside for parent in around] + [place / package / inside for place in places]
     return next((file.resolve() for file in candidates if file.is_file()), None)
-
-
-def _origin(joint: UrdfJoint) -> Pose:
-    return Pose.from_rpy(joint.origin_xyz, joint.origin_rpy)
 
 
 def _transform(pose: Pose, parent: str, child: str) -> rr.Transform3D:
