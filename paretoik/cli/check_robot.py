@@ -20,7 +20,7 @@ def check_robot(
     soft: Annotated[bool, typer.Option("--soft", help="Take the limits of safety controllers.")] = False,
     repair_inertias: Annotated[
         bool,
-        typer.Option("--repair-inertias", help="Put the nearest possible inertia in the place of an impossible one."),
+        typer.Option("--repair-inertias", help="Replace impossible inertias by the nearest that a body has."),
     ] = False,
     as_json: JsonFlag = False,
 ) -> None:

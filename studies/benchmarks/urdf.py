@@ -163,9 +163,9 @@ def random_chains(
     for tip in rng.permutation(lower)[:pairs].tolist():
         base = str(rng.choice(tree.above(tip)))
         movable = [name for name, kind in tree.types.items() if kind in MOVING and name not in tree.mimics]
-        chosen = [name for name in movable if rng.random() < 0.2]
-        limits = {name: np.clip(tree.limits.get(name, (-3.0, 3.0)), -3.0, 3.0) for name in chosen}
-        yield base, tip, {name: float(rng.uniform(*np.sort(limits[name]))) for name in chosen}
+        ranges = {name: np.clip(tree.limits.get(name, (-3.0, 3.0)), -3.0, 3.0) for name in movable}
+        chosen = [name for name, (lower, upper) in ranges.items() if lower <= upper and rng.random() < 0.2]
+        yield base, tip, {name: float(rng.uniform(*ranges[name])) for name in chosen}
 
 
 def compare_chain(
