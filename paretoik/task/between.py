@@ -1,53 +1,123 @@
-"""Motions between their samples: the projected curve on a finer grid."""
+"""Motions between their samples: the projected curve on finer grids, and the largest value that it reaches."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
+from jaxtyping import Float
+from numpy.lib.stride_tricks import sliding_window_view
 
 from paretoik.arrays import read_only
+from paretoik.task.curves import SmoothCurve
 from paretoik.task.motion import Motion
 from paretoik.task.spline import Derivatives
+
+Pieces = Float[np.ndarray, "pieces instants"]
+Columns = Float[np.ndarray, "pieces instants columns"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class RefinementOptions:
-    """How fine the grid is that motions are evaluated on between their samples.
+    """Settings of grids between samples.
 
-    So many times finer: ``differences`` where finite differences are taken again, ``spline``, two at least, where the
-    derivatives are those of the curve; ``width`` points of it are those of a difference of the correction.
+    steps: steps of an interval between two samples, and of a step that is divided again
+    width: points of a finite difference
+    divisions: largest number of steps that are divided at once
+    rounds: most times that steps are divided
+    rounding: share of a limit's range below which a bound is not lowered further
     """
 
-    differences: int = 4
-    spline: int = 20
+    steps: int = 8
     width: int = 6
+    divisions: int = 64
+    rounds: int = 12
+    rounding: float = 1e-10
 
 
 OPTIONS = RefinementOptions()
 
 
-def finer_motion(motions: Motion, refinement: int | None = None) -> Motion:
+def finer_motion(motions: Motion, refinement: int = OPTIONS.steps) -> Motion:
     """Return the projected curves of motions (*batch, time, dof) of one task on a finer grid.
 
-    With differences="spline" velocities and accelerations are those of the projected curve: the spline's own, and the
-    differences of the small correction onto the path. Otherwise they are the motion's differences on the finer grid.
+    Velocities and accelerations are those of the curve, whatever the motions' differences are.
 
-    Raises Infeasible where a motion leaves the path between its samples.
+    Raises Infeasible if a motion leaves its path between its samples.
     """
     time = motions.time.reshape(-1, motions.time.shape[-1])[0]
-    if motions.differences != "spline":
-        even = np.linspace(0.0, time[-1], (refinement or OPTIONS.differences) * (len(time) - 1) + 1)
-        return replace(motions, time=even, q=motions.at(even))
-    count, step = refinement or OPTIONS.spline, np.diff(time)
-    finer = np.append((time[:-1, None] + step[:, None] * np.arange(count) / count).ravel(), time[-1])
-    q, (spline, dq, ddq, jerk) = motions.at(finer), motions.spline.at(finer)
-    correction = q - spline
-    dq = dq + differentiate_pieces(correction, step / count, 1, cyclic=motions.cyclic)
-    ddq = ddq + differentiate_pieces(correction, step / count, 2, cyclic=motions.cyclic)
+    curves = curve_on(motions, divide(time, refinement))
+
+    def join(values: np.ndarray) -> np.ndarray:
+        shape = (*motions.q.shape[:-2], -1, values.shape[-1])
+        return np.concatenate([values[..., :-1, :].reshape(shape), values[..., -1, -1:, :]], axis=-2)
+
+    q, dq, ddq, jerk = map(join, curves)
     derivatives = Derivatives(dq=dq, ddq=ddq, jerk=jerk, velocity_bounds=dq)
+    finer = np.append(divide(time, refinement)[:, :-1], time[-1])
     return replace(motions, time=finer, q=q, derivatives=derivatives)
+
+
+def divide(time: Float[np.ndarray, " time"], steps: int = OPTIONS.steps) -> Pieces:
+    """Return the times of all intervals between times, each divided into steps."""
+    return np.linspace(time[:-1], time[1:], steps + 1, axis=1)
+
+
+def curve_on(motions: Motion, times: Pieces) -> tuple[Float[np.ndarray, "*batch pieces instants dof"], ...]:
+    """Return position, velocity, acceleration and jerk of the curves of motions at times, evenly spaced in each piece.
+
+    They are exact except the jerk, a difference. On a path that does not know its rates velocity and acceleration are
+    the spline's, and differences of the small correction onto the path.
+    """
+    steps = (times[:, -1] - times[:, 0]) / (times.shape[1] - 1)
+    shape = (*motions.q.shape[:-2], *times.shape, motions.arm.dof)
+
+    def slope(values: np.ndarray, order: int = 1) -> np.ndarray:
+        return _difference_matrix(times.shape[1], order) @ values / steps[:, None, None] ** order
+
+    if all(isinstance(task.path.curve, SmoothCurve) for task in motions.tasks):
+        q, dq, ddq = (part.reshape(shape) for part in motions.state(times.ravel()))
+    else:
+        spline = [part.reshape(shape) for part in motions.state(times.ravel(), project=False)]
+        q = motions.at(times.ravel()).reshape(shape)
+        dq, ddq = (spline[order] + slope(q - spline[0], order) for order in (1, 2))
+    return q, dq, ddq, slope(ddq)
+
+
+def largest_between(evaluate: Callable[[Pieces], Columns], times: Pieces) -> float:
+    """Return an upper bound, 0 at least, of values between the times of pieces where they are continuous.
+
+    Between two neighbours a value exceeds the larger one by at most an eighth of the squared step times its curvature.
+    The curvature is measured: the largest of the second differences around, and as much again as they differ, doubled,
+    which covers a kink too. Steps whose bound exceeds the largest value are divided until none does.
+    """
+    values = evaluate(times)
+    largest = float(values.max(initial=0.0))
+    begin, end, bounds = _step_bounds(times, values)
+    for _ in range(OPTIONS.rounds):
+        left = bounds > largest + OPTIONS.rounding
+        if not left.any():
+            return largest
+        begin, end, bounds = begin[left], end[left], bounds[left]
+        order = np.argsort(-bounds)
+        divided, others = order[: OPTIONS.divisions], order[OPTIONS.divisions :]
+        times = np.linspace(begin[divided], end[divided], OPTIONS.steps + 1, axis=1)
+        values = evaluate(times)
+        largest = max(largest, float(values.max()))
+        parts = zip((begin, end, bounds), _step_bounds(times, values), strict=True)
+        begin, end, bounds = (np.concatenate([whole[others], part]) for whole, part in parts)
+    return max(largest, float(bounds.max()))
+
+
+def _step_bounds(times: Pieces, values: Columns) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return where every step begins and ends, and a bound of the values in it."""
+    bends = np.pad(np.diff(values, 2, axis=1), ((0, 0), (2, 2), (0, 0)), mode="edge")
+    around = sliding_window_view(bends, 4, axis=1)
+    low, high = around.min(axis=-1), around.max(axis=-1)
+    bounds = np.maximum(values[:, :-1], values[:, 1:]) + (np.maximum(-low, 0.0) + high - low) / 4
+    return times[:, :-1].ravel(), times[:, 1:].ravel(), bounds.max(axis=-1, initial=0.0).ravel()
 
 
 def differentiate_pieces(values: np.ndarray, steps: np.ndarray, order: int, *, cyclic: bool) -> np.ndarray:

@@ -116,17 +116,23 @@ class Constraint:
     scale: float
 
     def violation(self, motion: Motion) -> np.ndarray:
-        """Return the largest violation (*batch,) as a fraction of the limit's range; not positive where it holds.
+        """Return the largest violation (*batch,) as a fraction of the limit's range; not positive if it holds.
 
-        Raises, naming the constraint, InvalidInput where the function returns another shape or something not real, and
-        EvaluationFailed where it raises.
+        Raises what ``shares`` does.
         """
-        motion = motion.instants
+        shares = self.shares(motion.instants)
+        return np.asarray(shares.max(axis=-1) if self.form == "peak" else shares)
+
+    def shares(self, motion: Motion) -> np.ndarray:
+        """Return violations as fractions of the limit's range, of a peak at every instant of a motion.
+
+        Raises, naming the constraint, InvalidInput if the function returns another shape or something not real, and
+        EvaluationFailed if it raises.
+        """
         values = evaluate_function(f"constraint {self.name}", self.function, motion, self.form)
         if self.form == "integral":
             values = motion.integral(values)
-        violation = np.maximum(values - self.upper, self.lower - values) / self.scale
-        return np.asarray(violation.max(axis=-1) if self.form == "peak" else violation)
+        return np.asarray(np.maximum(values - self.upper, self.lower - values) / self.scale)
 
 
 @check_call

@@ -64,7 +64,7 @@ def _by_entry(values: list[Expression], rates: list[Expression]) -> dict[int, in
 
 def _targets(task: MotionTask) -> tuple[Float[np.ndarray, "instants numbers"], ...]:
     """Return the targets of all tasks at the instants, and their first and second derivatives."""
-    count, step = REFINEMENT.spline, np.diff(task.times)
+    count, step = REFINEMENT.steps, np.diff(task.times)
     finer = np.append((task.times[:-1, None] + step[:, None] * np.arange(count) / count).ravel(), task.times[-1])
     targets = np.concatenate([each.targets(finer) for each in task.tasks], axis=1)
     rates = (differentiate_pieces(targets, step / count, order, cyclic=task.cyclic) for order in (1, 2))

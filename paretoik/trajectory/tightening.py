@@ -1,9 +1,9 @@
 """Limits between samples: tightened at each instant by what a motion's curve exceeds them nearby, and solved again.
 
 A program bounds a motion at its instants. The projection onto the path, and torques, powers and distances between
-instants, may exceed a limit a little; what they exceed it by is taken from the limit there. Accelerations, torques and
-powers are limited with the rates that the path allows as well (``projected_rates``): else those of the spline would
-give way where the projection does not follow.
+instants, may exceed a limit a little. What they exceed it by is taken from the limit there, and a small margin too, so
+that the curve ends strictly within its limits. Accelerations, torques and powers are limited with the rates that the
+path allows as well (``projected_rates``): else those of the spline would give way where the projection does not follow.
 """
 
 from __future__ import annotations
@@ -27,9 +27,8 @@ from paretoik.pareto.certificates import weights_at
 from paretoik.pareto.refine import refine
 from paretoik.robot.scales import joint_scales
 from paretoik.stop_flag import Interrupted, check_interruption
-from paretoik.task.between import OPTIONS as REFINEMENT
 from paretoik.task.between import finer_motion
-from paretoik.task.limits import LIMITED
+from paretoik.task.limits import LIMIT_TOLERANCE, LIMITED
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import evaluate_function
@@ -41,21 +40,25 @@ from paretoik.user_warnings import warn_user
 
 @dataclass(frozen=True, kw_only=True)
 class TighteningOptions:
-    """When limits are tightened: where a motion exceeds one between samples by more than a ``tolerance`` of its range.
+    """Settings of tightening; shares are of a limit's range.
 
-    At the samples a violation up to ``feasible`` of it is none.
-
-    At most so many ``rounds``, each by at most ``largest`` of a range, where more than ``target`` of the tolerance is
-    exceeded. ``least_weight`` is the least share that any objective has of the weights of a point: none is left out.
-    ``weight`` is that of all beside the first where a point has no weights, as when fronts are refined. ``warm`` is
-    tried first, ``holding`` where it does not converge, then the next of the ``shares`` of what is exceeded.
+    margin: share by which a tightened motion stays within its limits
+    feasible: share by which a motion may exceed its limits at the samples
+    rounds: most times that limits are tightened
+    largest: share that a limit moves by at most in a round
+    steps: steps of an interval between two samples in which a motion is looked at
+    shares: shares of what a limit should move by, tried in turn until a motion is found
+    weight: weight of every objective but the first of a point without weights, as when fronts are refined
+    least_weight: least share that any objective has of a point's weights
+    warm: options of the interior point that is tried first
+    holding: options tried if it does not converge
     """
 
-    tolerance: float = 5e-5
-    target: float = 0.5
-    rounds: int = 3
+    margin: float = 2.5e-5
     feasible: float = 1e-8
+    rounds: int = 5
     largest: float = 0.4
+    steps: int = 16
     shares: tuple[float, ...] = (1.0, 0.5, 0.25)
     weight: float = 0.1
     least_weight: float = 1e-3
@@ -96,7 +99,7 @@ def hold_between(
         return best
     current, weights = best, np.zeros(n_obj)
     for _ in range(OPTIONS.rounds):
-        if current.violation <= OPTIONS.tolerance or not np.isfinite(current.violation):
+        if current.violation <= LIMIT_TOLERANCE or not np.isfinite(current.violation):
             break
         weights = weights if weights.any() else _weights(program, best.x, n_obj)
         near = current.x if set(PROJECTED) & set(program.task.bounds) else None
@@ -176,7 +179,7 @@ def _held_motion(values: Values) -> HeldMotion:
 def feasible_motions(program: MotionProgram, x: Float[np.ndarray, "motions time dof"]) -> list[HeldMotion]:
     """Return those of the motions that keep their limits, at samples and in between."""
     at_samples = [one for one in x if program.evaluate(one)[2].min(initial=0.0) >= -OPTIONS.feasible]
-    return [each for each in (_held(program, one) for one in at_samples) if each.violation <= OPTIONS.tolerance]
+    return [each for each in (_held(program, one) for one in at_samples) if each.violation <= LIMIT_TOLERANCE]
 
 
 def _held(program: MotionProgram, x: np.ndarray, near: np.ndarray | None = None) -> HeldMotion:
@@ -231,14 +234,14 @@ def _weights(program: MotionProgram, x: np.ndarray, n_obj: int) -> Float[np.ndar
 def _tightened_bounds(
     program: MotionProgram, x: Float[np.ndarray, "time dof"], before: Float[np.ndarray, " limits"]
 ) -> Float[np.ndarray, " limits"]:
-    """Return the bounds of a program, each moved inwards by what is exceeded within half a sample around it.
+    """Return the bounds of a program, each moved inwards by the margin and what is exceeded within half a sample.
 
     Where the limit itself is not active, as the excess is that of the projection, it bounds the value there instead;
     where it is exceeded itself, by so much less. Limits that hold on the path as well stay there alone.
     """
     task, bounds, elastic = program.task, before.copy(), program.elastic
-    curve = finer_motion(task.motion(x))
-    half = REFINEMENT.spline // task.stride
+    curve = finer_motion(task.motion(x), OPTIONS.steps)
+    half = OPTIONS.steps // task.stride
     row, instant = program.limited[:elastic].T
     rates = row < program.rates  # those of slides are measured in lengths of the arm
     units = np.where(rates, joint_scales(task.arm)[row % task.arm.dof], 1.0)
@@ -250,16 +253,25 @@ def _tightened_bounds(
             continue
         for side, excess in zip((1.0, -1.0), _excess(task, name.removesuffix(ON_PATH), curve), strict=True):
             chosen = np.flatnonzero((names == name) & (sides == side))
-            padded = np.pad(excess, (half, 2 * half), constant_values=-np.inf)
-            windows = sliding_window_view(padded, 2 * half + 1)[::half]
-            around = windows.max(axis=1)[instant[chosen] + after[chosen]] / units[chosen]
-            near = windows[:, half // 2 : 2 * half + 1 - half // 2].max(axis=1)[instant[chosen] + after[chosen]]
-            near = near / units[chosen]
-            tolerable = OPTIONS.target * OPTIONS.tolerance * ranges[chosen]
-            shift = np.where(around > tolerable, np.maximum(around + np.minimum(slack[chosen], 0.0), 0.0), 0.0)
-            shift = np.where(near > tolerable, np.maximum(shift, near + slack[chosen]), shift)
+            padded = np.pad(_peaks(excess), (half, 2 * half), constant_values=-np.inf)
+            windows = sliding_window_view(padded, 2 * half + 1)[::half][instant[chosen] + after[chosen]]
+            margin = OPTIONS.margin * ranges[chosen]
+            around, near = (
+                each.max(axis=1) / units[chosen] + margin for each in (windows, windows[:, half // 2 : -(half // 2)])
+            )
+            shift = np.where(around > 0, np.maximum(around + np.minimum(slack[chosen], 0.0), 0.0), 0.0)
+            shift = np.where(near > 0, np.maximum(shift, near + slack[chosen]), shift)
             bounds[chosen] += side * np.minimum(shift, OPTIONS.largest * ranges[chosen])
     return bounds
+
+
+def _peaks(values: Float[np.ndarray, " time"]) -> Float[np.ndarray, " time"]:
+    """Return values, each as large as the top of the parabola through it and both neighbours if that is next to it."""
+    peaks, slope, bend = values.copy(), np.diff(values), np.diff(values, 2)
+    inner = peaks[1:-1]
+    top = (slope[:-1] >= 0) & (slope[1:] <= 0) & (bend < 0)
+    inner[top] -= (slope[:-1] + slope[1:])[top] ** 2 / (8 * bend[top])
+    return peaks
 
 
 def _excess(
