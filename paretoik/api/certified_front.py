@@ -13,7 +13,7 @@ from paretoik.api.certificate_time import LaterStages
 from paretoik.api.progress import Observer, count_observer
 from paretoik.arrays import Genes, Ids, Point, Points
 from paretoik.fingerprint.fingerprint import fingerprint
-from paretoik.formulations.protocol import Differentiable, Individuals
+from paretoik.formulations.protocol import Differentiable, Individuals, exceeded_between
 from paretoik.front.certificates import Certificates
 from paretoik.front.front import Front
 from paretoik.front.indicators import ranges_of, widths_of
@@ -27,15 +27,16 @@ from paretoik.pareto.refine import refine
 
 @dataclass(frozen=True, kw_only=True)
 class CertifiedFrontOptions:
-    """From saddles better points are refined, at most so many ``rounds``.
+    """Settings of certified fronts.
 
-    A point may be worse than it was by a ``tolerance``, a share of an objective's range, and exceed limits between
-    samples by a share ``between`` of their ranges, or by as much as before.
+    rounds: most times that better points beside saddles are refined
+    tolerance: share of an objective's range by which a point may be worse than it was
+    between: share of a limit's range by which a point may exceed it between samples
     """
 
     rounds: int = 3
     tolerance: float = 1e-9
-    between: float = 1e-4
+    between: float = 1e-8
 
 
 OPTIONS = CertifiedFrontOptions()
@@ -88,6 +89,7 @@ def certified_front(
             ranges=ranges,
             signs=signs,
             violation_between=individuals.violation_between,
+            exceeded=exceeded_between(problem, individuals),
             observe=count_observer(observe, "certification", uniform=True),
         )
         return _CertifiedPoints(individuals=individuals, certificates=certificates, better=better)

@@ -16,7 +16,7 @@ from paretoik.errors import Infeasible, InvalidInput
 from paretoik.execution.blas_threads import single_blas_thread
 from paretoik.formulations.interpolation import points_between
 from paretoik.formulations.navigation_words import describe_move
-from paretoik.formulations.protocol import Differentiable, Individuals
+from paretoik.formulations.protocol import Differentiable, Individuals, exceeded_between
 from paretoik.formulations.stored_motions import restore_motions
 from paretoik.front.certificates import Certificates, concatenate
 from paretoik.front.front import Front
@@ -43,7 +43,7 @@ class FrontNavigationOptions:
     """
 
     rounds: int = 3
-    between: float = 1e-4
+    between: float = 1e-8
     tolerance: float = 10 * POINT_TOLERANCE
 
 
@@ -191,6 +191,7 @@ def _certificate(formulation: Differentiable, program: Program, x: Point, aim: A
         ranges=aim.ranges,
         signs=np.where(formulation.maximised, -1.0, 1.0),
         violation_between=individual.violation_between,
+        exceeded=exceeded_between(formulation, individual),
     )
     return Arrival(individual=individual, certificate=certificates), better[0]
 

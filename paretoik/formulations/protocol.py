@@ -44,6 +44,7 @@ from jaxtyping import Float
 from paretoik.arrays import Genes, Objectives, Points
 from paretoik.errors import InvalidInput
 from paretoik.front.front import Front, Preference
+from paretoik.task.limits import LIMIT_TOLERANCE
 
 if TYPE_CHECKING:  # so that loading a problem stays quick
     from paretoik.nlp.program import Program, Solver
@@ -140,6 +141,20 @@ def task_of(problem: Any) -> MotionTask | None:
 
     task = getattr(problem, "task", None)
     return task if isinstance(task, MotionTask) else None
+
+
+def exceeded_between(problem: Any, individuals: Individuals) -> list[str]:
+    """Return in words the limit that each individual exceeds between samples, "" if none or nothing is promised there.
+
+    Only splines promise it: motions of finite differences keep limits at their samples.
+    """
+    task = task_of(problem)
+    if task is None or task.differences != "spline" or individuals.motions is None:
+        return [""] * len(individuals.x)
+    return [
+        "" if violation <= LIMIT_TOLERANCE else task.describe_between(individuals.motions[i : i + 1])
+        for i, violation in enumerate(individuals.violation_between)
+    ]
 
 
 def has_branches(problem: Any) -> bool:

@@ -23,14 +23,18 @@ STATUSES = ("minimum", "saddle", "undetermined")
 class Certificates:
     """Certificates of points, each an array with a row a point; "optimal" is meant locally.
 
-    ``violation`` is the worst of all limits at the samples, ``violation_between`` on a grid four times finer, as shares
-    of a limit's range; ``kkt_residual`` is the criticality χ, the improvement that all objectives can still gain at
-    once, as shares of the front's ranges; ``weights`` (points, n_obj) are the multipliers of the objectives over these
-    ranges, their sum 1; ``exchange_rates`` [p, i, j] is ∂f_j/∂f_i with the others fixed, in natural units, NaN where
-    f_i or f_j has no weight, the point is not critical or multipliers are not unique; ``exchange_intervals`` [p, i, j]
-    are its smallest and largest value, NaN where unknown; ``status`` is "minimum", "saddle" or "undetermined", and
-    ``reason`` says why a point is undetermined or its intervals are unknown, else "". What could not be computed of a
-    point is NaN.
+    violation: the worst of all limits at the samples, as a share of a limit's range
+    violation_between: upper bound of that at any time
+    kkt_residual: criticality χ, the improvement that all objectives can still gain at once, as shares of the front's
+        ranges
+    weights: multipliers (points, n_obj) of the objectives over these ranges, their sum 1
+    exchange_rates: [p, i, j] is ∂f_j/∂f_i with the others fixed, in natural units; NaN if f_i or f_j has no weight, the
+        point is not critical or multipliers are not unique
+    exchange_intervals: smallest and largest value of [p, i, j], NaN if unknown
+    status: "minimum", "saddle" or "undetermined"
+    reason: why a point is undetermined or its intervals are unknown, else ""
+
+    What could not be computed of a point is NaN. A minimum of a spline's problem keeps its limits at any time.
     """
 
     violation: Values

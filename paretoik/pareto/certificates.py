@@ -60,6 +60,7 @@ def certify(
     ranges: Float[np.ndarray, " n_obj"],
     signs: Float[np.ndarray, " n_obj"],
     violation_between: Float[np.ndarray, " points"],
+    exceeded: Sequence[str] = (),
     observe: Observe | None = None,
 ) -> tuple[Certificates, list[Point | None]]:
     """Return the certificates of points of a program, or of one each, whose first objectives are those of the front.
@@ -67,8 +68,8 @@ def certify(
     Beside them stands for every saddle a feasible point that is better in all objectives, None for other points.
 
     ``signs`` are −1 for objectives that are maximised. ``violation_between`` is that of limits where the program does
-    not look, between samples. ``observe`` is called with what is done and with all. After a signal the points that are
-    left are undetermined.
+    not look, between samples; a point for which ``exceeded`` says in words which limit it exceeds there is no minimum.
+    ``observe`` is called with what is done and with all. After a signal the points that are left are undetermined.
     """
     count, n_obj = len(x), len(ranges)
     programs = program if isinstance(program, Sequence) else [program] * count
@@ -83,6 +84,11 @@ def certify(
     violation = np.array([each.violation for each in certificates]).reshape(count)
     weights = np.array([each.weights for each in certificates]).reshape(count, n_obj)
     ratios = np.array([each.ratios for each in certificates]).reshape(count, n_obj, n_obj, 2)
+    statuses = [each.curvature.status for each in certificates]
+    reasons = [each.curvature.reason for each in certificates]
+    for i, words in enumerate(exceeded):
+        if words and statuses[i] == "minimum":
+            statuses[i], reasons[i] = "undetermined", "; ".join(filter(None, (words, reasons[i])))
     certified = Certificates(
         violation=violation,
         violation_between=np.maximum(violation, violation_between),
@@ -90,8 +96,8 @@ def certify(
         weights=weights,
         exchange_rates=exchange_rates(weights, ratios, ranges, signs),
         exchange_intervals=exchange_intervals(ratios, ranges, signs),
-        status=np.array([each.curvature.status for each in certificates], dtype=np.str_),
-        reason=np.array([each.curvature.reason for each in certificates], dtype=np.str_),
+        status=np.array(statuses, dtype=np.str_),
+        reason=np.array(reasons, dtype=np.str_),
     )
     return certified, [each.curvature.better for each in certificates]
 

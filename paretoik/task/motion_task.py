@@ -213,7 +213,7 @@ class MotionTask:
     def describe_between(self, motions: Motion, *, tolerance: float = LIMIT_TOLERANCE) -> str:
         """Return in words which limit motions (points, time, dof) violate most between their samples, and what helps.
 
-        "" where none exceeds one by more than ``tolerance`` of its range.
+        "" if none exceeds one by more than ``tolerance`` of its range.
         """
         try:
             dense = finer_motion(motions)

@@ -22,6 +22,7 @@ from paretoik.self_motion.branches import branch_labels
 from paretoik.stop_flag import Interrupted
 from paretoik.tables import columns, field_representation, fit_screen, html_representation
 from paretoik.task.evaluation import require_values
+from paretoik.task.limits import LIMIT_TOLERANCE
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.infeasibility import (
@@ -45,12 +46,14 @@ from paretoik.trajectory.restarts import LevelRestarts, first_portions
 from paretoik.trajectory.tightening import feasible_motions, hold_all
 from paretoik.trajectory.transcription import motion_program
 
+EXCEEDS = "limits exceeded between samples"  # status of an optimum that no tightening brings within its limits
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Optimum:
     """A locally optimal motion, its objective in the user's own sign, the label of its branch, and a status.
 
-    ``violation_between`` is the worst violation of its limits on a finer grid, as a share of their ranges.
+    ``violation_between`` is an upper bound of how far it exceeds its limits at any time, as a share of their ranges.
     """
 
     motion: Motion
@@ -219,7 +222,8 @@ def _optima(
 ) -> tuple[Optimum, ...]:
     """Return the optima, best first, limits that they exceed between samples being tightened.
 
-    A motion that was given, keeps its limits between samples and is better than all optima comes first.
+    Optima that exceed one all the same come last. A motion that was given, keeps its limits between samples and is
+    better than all optima comes first.
     """
     program = motion_program(task, np.maximum(np.abs(task.objectives[0](task.motion(solutions.x[:1]))), 1e-300))
     results, status = hold_all(program, solutions.x, 1, solver), solutions.status
@@ -228,16 +232,21 @@ def _optima(
         results, status = [*results, *initial_motions], np.append(status, np.full(len(initial_motions), CONVERGED))
     motions = task.motion(np.stack([each.x for each in results]))
     values, labels = task.objectives[0](motions), branch_labels(motions)
-    merit = task.objectives[0].sign * values
-    best = int(np.argmin(merit))
-    rows = [i for i in range(len(solutions)) if i != best]
-    order = [best, *sorted(rows, key=lambda i: merit[i])] if task.differences == "spline" else range(len(solutions))
+    words, order = [STATUSES[int(each)] for each in status], list(range(len(solutions)))
+    if task.differences == "spline":
+        exceeds = [each.violation > LIMIT_TOLERANCE for each in results]  # not known after a signal
+        words = [
+            EXCEEDS if each and word == STATUSES[CONVERGED] else word for each, word in zip(exceeds, words, strict=True)
+        ]
+        merit = task.objectives[0].sign * values
+        ranked = sorted(range(len(results)), key=lambda i: (exceeds[i], merit[i]))
+        order = [i for i in ranked if i < len(solutions) or i == ranked[0]]
     return tuple(
         Optimum(
             motion=motions[i],
             objective=float(values[i]),
             label=labels[i],
-            status=STATUSES[int(status[i])],
+            status=words[i],
             violation_between=results[i].violation,
         )
         for i in order
