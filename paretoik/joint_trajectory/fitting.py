@@ -30,8 +30,8 @@ def fit_motion(
     for use in uses:
         if use.exceeded and use.quantity not in ORDERS:
             advice = (
-                "no slowing down helps: plan with pk.Limits(position=...) inside the controller's; "
-                "pk.Limits(margin=2e-4) makes up for what motions pass their limits by between samples"
+                "no slowing down helps: plan with pk.Limits(position=...) inside the controller's, and refine: "
+                "certified motions keep them between samples too"
             )
             raise _refusal(motion, controller, use, advice)
     if moving is None and not (uses and uses[0].exceeded):

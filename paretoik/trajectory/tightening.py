@@ -87,12 +87,17 @@ class HeldMotion:
 
 
 def hold_between(
-    program: MotionProgram, x: Float[np.ndarray, "time dof"], n_obj: int, *, solver: Solver = "auto"
+    program: MotionProgram,
+    x: Float[np.ndarray, "time dof"],
+    n_obj: int,
+    *,
+    solver: Solver = "auto",
+    margin: float = OPTIONS.margin,
 ) -> HeldMotion:
     """Return an optimal motion that keeps its limits between samples, as far as a few rounds lead.
 
-    Of several objectives all give way alike (Pascoletti & Serafini 1984). Programs of finite differences, motions that
-    keep their limits, and those of which no round makes a better one, are returned as they are.
+    Several objectives all give way alike (Pascoletti & Serafini 1984). Programs of finite differences, motions that
+    keep their limits, and those that no round makes better are returned as they are.
     """
     best = _held(program, x)
     if program.task.differences != "spline":
@@ -106,7 +111,7 @@ def hold_between(
         untightened = _limited_on_path(program, near)
         before, limits = untightened.bounds.copy(), len(current.bounds) - program.kinks  # limits on the path come last
         before[:limits] = current.bounds[:limits]
-        bounds = _tightened_bounds(untightened, current.x, before)
+        bounds = _tightened_bounds(untightened, current.x, before, margin)
         for share in OPTIONS.shares:
             tighter = replace(untightened, bounds=before + share * (bounds - before))
             solved = _solve_again(tighter, current.x, weights, solver)
@@ -232,7 +237,7 @@ def _weights(program: MotionProgram, x: np.ndarray, n_obj: int) -> Float[np.ndar
 
 
 def _tightened_bounds(
-    program: MotionProgram, x: Float[np.ndarray, "time dof"], before: Float[np.ndarray, " limits"]
+    program: MotionProgram, x: Float[np.ndarray, "time dof"], before: Float[np.ndarray, " limits"], margin: float
 ) -> Float[np.ndarray, " limits"]:
     """Return the bounds of a program, each moved inwards by the margin and what is exceeded within half a sample.
 
@@ -255,9 +260,9 @@ def _tightened_bounds(
             chosen = np.flatnonzero((names == name) & (sides == side))
             padded = np.pad(_peaks(excess), (half, 2 * half), constant_values=-np.inf)
             windows = sliding_window_view(padded, 2 * half + 1)[::half][instant[chosen] + after[chosen]]
-            margin = OPTIONS.margin * ranges[chosen]
             around, near = (
-                each.max(axis=1) / units[chosen] + margin for each in (windows, windows[:, half // 2 : -(half // 2)])
+                each.max(axis=1) / units[chosen] + margin * ranges[chosen]
+                for each in (windows, windows[:, half // 2 : -(half // 2)])
             )
             shift = np.where(around > 0, np.maximum(around + np.minimum(slack[chosen], 0.0), 0.0), 0.0)
             shift = np.where(near > 0, np.maximum(shift, near + slack[chosen]), shift)

@@ -1,0 +1,213 @@
+"""Exports of certified points: every one passes the controller with the limits it was planned with.
+
+    python -m studies.benchmarks.between.exports [--quick] [--points N] [--json FILE]
+
+Six problems whose limits are active: the paper's planar arm, a planar 4R with acceleration limits, the Panda with
+velocity and torque limits, a cyclic path, an obstacle, and a fixed start with limits that vary along the path. Every
+point of a small front is exported at 100, 250 and 1,000 Hz to a controller with the same limits, with a ramp at both
+ends, where a controller wants rest; "refused" counts those that ``pk.export`` refuses, "beyond" the exported samples
+at the motion's own speed, without a ramp, that exceed a limit by any amount. "price" is what the margin costs: each
+point is tightened from its optimum at the samples once with the margin and once without, and the largest rise of every
+objective is printed. Peaks of limits are found on a grid of 200 instants a sample, ``violation_between`` must be more.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+import paretoik as pk
+from paretoik.errors import Infeasible
+from paretoik.joint_trajectory.trajectory import JointTrajectory
+from paretoik.pareto.refine import refine
+from paretoik.robot.dynamics import inverse_dynamics
+from paretoik.task.motion import Motion
+from paretoik.task.motion_task import MotionTask
+from paretoik.trajectory.tightening import OPTIONS, hold_between
+from problems import panda
+from studies.reporting import Row, report, study_parser, tell
+
+RATES = (100.0, 250.0, 1000.0)  # Hz
+PRICE = 0.05  # % of an objective: the goal
+POINTS, QUICK_POINTS, STARTS = 5, 3, 4
+TWO = (pk.kinetic_energy, pk.torque_norm)
+PLANAR_LINE = ([0.4678, 0.0], [0.0983, 0.1526])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Example:
+    """A problem by name: ``limits`` follow from the best motion without any, so that they are active."""
+
+    name: str
+    arm: pk.Arm
+    path: pk.Path
+    limits: Callable[[Motion], pk.Limits]
+    settings: dict[str, Any] = field(default_factory=dict)
+    from_best: Callable[[Motion], dict[str, Any]] = lambda best: {}
+
+    def problem(self) -> pk.Tracking:
+        """Return the problem with limits that its best motion exceeds."""
+        boundless = pk.Limits(velocity=np.inf, torque=np.inf)
+        free = pk.Tracking(self.arm, self.path, objectives=[TWO[0]], limits=boundless, **self.settings)
+        best = pk.plan(free, starts=STARTS).best.motion
+        settings = self.settings | self.from_best(best)
+        return pk.Tracking(self.arm, self.path, objectives=list(TWO), limits=self.limits(best), **settings)
+
+
+def size(best: Motion, kind: str, share: float) -> Float[np.ndarray, " dof"]:
+    """Return a symmetric limit: a share of the largest value, at least a twentieth of all joints' largest."""
+    largest = np.abs(getattr(best, kind)).max(axis=0)
+    return np.asarray(share * np.maximum(largest, 0.05 * largest.max()))
+
+
+def examples() -> Iterator[Example]:
+    """Yield the six problems."""
+    arm, lengths, masses = pk.arms.tringali_3r(), np.full(4, 0.125), np.linspace(1.0, 0.4, 4)
+    four = pk.Arm.planar(lengths=lengths, masses=masses, centers=lengths / 2, inertias=masses * lengths**2 / 12)
+    line = pk.line(*PLANAR_LINE, duration=1.0, samples=31)
+    varying = np.linspace(1.1, 1.3, 31)[:, None]
+    yield Example(
+        name="paper's 3R, position and velocity",
+        arm=arm,
+        path=line,
+        limits=lambda best: pk.Limits(
+            position={"joint3": (float(best.q[:, 2].min()), float(best.q[:, 2].max() - 0.03 * np.ptp(best.q[:, 2])))},
+            velocity=size(best, "dq", 0.97),
+        ),
+    )
+    yield Example(
+        name="planar 4R, acceleration",
+        arm=four,
+        path=pk.line([0.3, -0.1], [0.25, 0.15], duration=1.0, samples=31),
+        limits=lambda best: pk.Limits(acceleration=size(best, "ddq", 0.92)),
+    )
+    yield Example(
+        name="Panda, velocity and torque",
+        arm=panda.panda(),
+        path=pk.line([0.45, -0.2, 0.4], [0.45, 0.2, 0.5], duration=1.5, samples=26),
+        limits=lambda best: pk.Limits(velocity=size(best, "dq", 0.98), torque=size(best, "torque", 1.0)),
+    )
+    yield Example(
+        name="cyclic 3R, velocity and acceleration",
+        arm=arm,
+        path=pk.circle([0.25, 0.1], 0.05, duration=1.0, samples=31),
+        limits=lambda best: pk.Limits(velocity=size(best, "dq", 0.95), acceleration=size(best, "ddq", 0.95)),
+        settings={"cyclic": True},
+    )
+    yield Example(
+        name="3R by an obstacle, velocity",
+        arm=arm,
+        path=line,
+        limits=lambda best: pk.Limits(velocity=size(best, "dq", 1.5), clearance=0.005),
+        from_best=lambda best: {
+            "obstacles": [pk.obstacles.Circle(best.links[15, 2, :2] + np.array([0.0, 0.041]), 0.03)],
+            "link_radius": 0.01,
+        },
+    )
+    yield Example(
+        name="3R from a start to rest, varying velocity and torque",
+        arm=arm,
+        path=line,
+        limits=lambda best: pk.Limits(velocity=varying * size(best, "dq", 0.9), torque=size(best, "torque", 1.1)),
+        from_best=lambda best: {"start": best.q[0]},
+        settings={"end_velocity": 0},
+    )
+
+
+def controller(task: MotionTask, rate: float) -> pk.controllers.Controller:
+    """Return a controller with the limits of a task, the widest of those that vary."""
+    widest = {kind: np.abs(bounds).max(axis=(0, 2)) for kind, bounds in task.bounds.items()}
+    if "position" in task.bounds:
+        widest["position"] = task.bounds["position"][0]
+    names = task.arm.joint_names
+    return pk.controllers.Controller(name="same limits", joint_names=names, rate=rate, **widest)
+
+
+def exports(task: MotionTask, motion: Motion, rate: float, folder: Path) -> tuple[bool, float, float]:
+    """Return whether a motion is refused, how much it is slowed down, and what ``beyond`` finds at its own speed."""
+    file = folder / "motion.npz"
+    try:
+        sent = pk.export(motion, file, controller=controller(task, rate), ramp=0.2, slow_down=True, overwrite=True)
+        refused, factor = False, float(sent.metadata["time_scale"])
+    except Infeasible as error:
+        tell(f"refused: {error}")
+        refused, factor = True, np.nan
+    return refused, factor, beyond(task, pk.export(motion, file, rate=rate, overwrite=True))
+
+
+def beyond(task: MotionTask, sent: JointTrajectory) -> float:
+    """Return by how much exported samples exceed limits at most, a share of the range; negative if they keep all."""
+    values = {"position": sent.q, "velocity": sent.dq, "acceleration": sent.ddq}
+    values["torque"] = inverse_dynamics(task.arm, sent.q, sent.dq, sent.ddq)
+    worst = []
+    for kind in task.bounds:
+        lower, upper = np.moveaxis(task.bounds_at(kind, np.minimum(sent.time, task.times[-1])), -1, 0)
+        ranges = np.where(np.isfinite(upper - lower), upper - lower, 1.0)
+        worst.append((np.maximum(values[kind] - upper, lower - values[kind]) / ranges).max())
+    return float(max(worst))
+
+
+def prices(problem: pk.Tracking, q: Float[np.ndarray, "points time dof"], ranges: np.ndarray) -> np.ndarray:
+    """Return by how much the margin raises every objective of points, in %, each point from its optimum at samples."""
+    program = problem.program(ranges)
+    optimal, critical = refine(program, q, len(TWO))
+    rises = []
+    for x in optimal[critical]:
+        within, without = (hold_between(program, x, len(TWO), margin=margin) for margin in (OPTIONS.margin, 0.0))
+        costs = [program.evaluate(held.x)[0] for held in (within, without)]
+        rises.append(100 * (costs[0] / costs[1] - 1))
+    return np.array(rises).reshape(-1, len(TWO))
+
+
+def example_rows(example: Example, points: int) -> list[Row]:
+    """Return the rows of one problem."""
+    problem = example.problem()
+    front = pk.epsilon_front(problem, points=points, starts=STARTS, seed=1)
+    certificates, motions = front.certificates, front.motions
+    assert certificates is not None
+    assert isinstance(motions, Motion)
+    certified = np.flatnonzero(certificates.status == "minimum")
+    rows = [
+        _row(example.name, "certified", "points", len(certified), len(front)),
+        _row(
+            example.name, "violation between", "share of range", certificates.violation_between[certified].max(), 1e-8
+        ),
+    ]
+    with tempfile.TemporaryDirectory() as folder:
+        for rate in RATES:
+            sent = np.array([exports(problem.task, motions[int(i)], rate, Path(folder)) for i in certified])
+            note = f"slowed down {np.nanmax(sent[:, 1]):.3f} times at most, with the ramp"
+            rows.append(_row(example.name, f"refused, {rate:g} Hz", "points", sent[:, 0].sum(), 0, note))
+            rows.append(_row(example.name, f"beyond, {rate:g} Hz", "share of range", sent[:, 2].max(), 0))
+    rises = prices(problem, motions.q[certified], np.ptp(front.ranges, axis=1))
+    for objective, rise in zip(TWO, rises.T, strict=True):
+        rows.append(_row(example.name, f"price, {objective.name}", "%", rise.max(initial=0.0), PRICE))
+    return rows
+
+
+def _row(row: str, column: str, unit: str, value: float, goal: float | None, note: str = "") -> Row:
+    return Row(
+        table="exports", row=row, column=column, unit=unit, ours=float(value), reference=goal, source="goal", note=note
+    )
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Print the rows."""
+    parser = study_parser(__doc__ or "", quick=f"{QUICK_POINTS} points a front")
+    parser.add_argument("--points", type=int, default=POINTS)
+    options = parser.parse_args(arguments)
+    rows = list[Row]()
+    for example in examples():
+        rows += example_rows(example, QUICK_POINTS if options.quick else options.points)
+        tell(example.name)
+    report(rows, json_file=options.json)
+
+
+if __name__ == "__main__":
+    main()
