@@ -54,9 +54,11 @@ class Limits:
     taken as symmetric; arrays are (dof,), or (time, dof) to vary along the path; a mapping goes by joint name, joints
     not named keeping the arm's own. None is the arm's own limit if it declares one, np.inf none. ``clearance`` [m] is
     the smallest distance to obstacles, where the problem has any. ``margin``, at least 0 and less than 0.5, moves every
-    joint limit inwards by that fraction of its range: limits hold at the samples, and between them a motion may go a
-    little further. Raises InvalidInput, by name, for what is a limit of no arm. Limits of more than two turns on a
-    joint that rotates are a warning, as they are probably degrees, and no error: a joint without stops may be meant.
+    joint limit inwards by that fraction of its range. Refined motions of splines keep their limits at any time without
+    it; other motions keep them at their samples, and may exceed them a little in between.
+
+    Raises InvalidInput, by name, for what is a limit of no arm. Limits of more than two turns on a joint that rotates
+    are a warning, as they are probably degrees, and no error: a joint without stops may be meant.
 
     >>> Limits(position=np.deg2rad([90, 120, 120]), velocity=3.8).velocity
     3.8

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,8 @@ import pytest
 import paretoik as pk
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.joint_trajectory.controller import Controller
+from paretoik.robot.dynamics import inverse_dynamics
+from problems import panda
 from tests.joint_trajectory.motions import MOTIONS, PANDA, bench, swing
 
 SWING = swing()
@@ -154,3 +157,72 @@ def test_a_ramp_brings_any_motion_from_rest_to_rest_on_its_own_curve(name, tmp_p
     assert np.abs([trajectory.dq[[0, -1]], trajectory.ddq[[0, -1]]]).max() == 0.0
     np.testing.assert_allclose(trajectory.q[[0, -1]], motion.at(motion.time[[0, -1]]), atol=1e-12)
     assert trajectory.time[-1] == pytest.approx(float(motion.duration) + 0.2)
+
+
+VALUES = {"position": "q", "velocity": "dq", "acceleration": "ddq", "torque": "torque"}  # of a motion
+RATES = (100.0, 250.0, 1000.0)
+PLANAR = pk.arms.tringali_3r(), pk.line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=21)
+SPATIAL = panda.panda(), pk.line([0.45, -0.2, 0.4], [0.45, 0.2, 0.5], duration=1.5, samples=21)
+GOALS = [pk.kinetic_energy, pk.torque_norm]
+
+
+def active_problem(arm, path, kind, seed, goals):
+    """Return a problem whose limits of a kind its best motion without them exceeds, at random for every joint."""
+    rng = np.random.default_rng(seed)
+    boundless = pk.Limits(velocity=np.inf, torque=np.inf)
+    best = pk.plan(pk.Tracking(arm, path, objectives=goals[:1], limits=boundless), starts=3).best.motion
+    values = getattr(best, VALUES[kind.removeprefix("varying ")])
+    middle, half = (values.max(axis=0) + values.min(axis=0)) / 2, np.ptp(values, axis=0) / 2
+    half = np.maximum(rng.uniform(0.96, 0.99, arm.dof) * half, 0.05 * half.max())
+    if kind == "position":  # of one joint: postures that keep those of all are few
+        half[:-1] *= 1.5
+    if kind == "varying velocity":
+        half = rng.uniform(1.0, 1.05, (len(path.times), 1)) * half
+    limits = pk.Limits(velocity=np.inf, torque=np.inf) if kind == "position" else pk.Limits()
+    limits = replace(limits, **{kind.removeprefix("varying "): (middle - half, middle + half)})
+    return pk.Tracking(arm, path, objectives=goals, limits=limits)
+
+
+def assert_exportable(task, motion, file):
+    """Assert that a controller with the limits of a task takes a motion, and that its own samples keep them."""
+    bounds = {kind: np.broadcast_to(each, (len(task.times), task.arm.dof, 2)) for kind, each in task.bounds.items()}
+    widest = {kind: np.abs(each).max(axis=(0, 2)) for kind, each in bounds.items()}
+    if "position" in bounds:
+        widest["position"] = tuple(bounds["position"][0].T)
+    for rate in RATES:
+        its = Controller(name="same", joint_names=task.arm.joint_names, rate=rate, **widest)
+        pk.export(motion, file, controller=its, ramp=0.2, slow_down=True, overwrite=True)
+        sent = pk.export(motion, file, rate=rate, overwrite=True)
+        torque = inverse_dynamics(task.arm, sent.q, sent.dq, sent.ddq)
+        values = {"position": sent.q, "velocity": sent.dq, "acceleration": sent.ddq, "torque": torque}
+        for kind, each in bounds.items():
+            for j in range(task.arm.dof):
+                lower, upper = (np.interp(sent.time, task.times, side) for side in each[:, j].T)
+                assert (values[kind][:, j] >= lower).all()
+                assert (values[kind][:, j] <= upper).all()
+
+
+@pytest.mark.parametrize("kind", [*VALUES, "varying velocity"])
+def test_an_optimum_passes_the_controller_with_the_limits_that_it_was_planned_with(kind, tmp_path):
+    problem = active_problem(*PLANAR, kind, 0, GOALS[:1])
+    best = pk.plan(problem, starts=3).best
+    assert best.status == "converged"
+    assert best.violation_between == 0.0
+    assert problem.task.violations(best.motion).max() > -1e-3
+    assert_exportable(problem.task, best.motion, tmp_path / "motion.npz")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("kind", [*VALUES, "varying velocity"])
+@pytest.mark.parametrize("robot", [PLANAR, SPATIAL], ids=["planar", "spatial"])
+def test_every_certified_point_passes_the_controller_with_its_own_limits(robot, kind, seed, tmp_path):
+    try:
+        problem = active_problem(*robot, kind, seed, GOALS)
+        front = pk.epsilon_front(problem, points=4, starts=3)
+    except Infeasible:
+        pytest.skip("random limits leave no motion")
+    certified = np.flatnonzero(front.certificates.status == "minimum")
+    assert len(certified)
+    for i in certified:
+        assert_exportable(problem.task, front.motions[int(i)], tmp_path / "motion.npz")

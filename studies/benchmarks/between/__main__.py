@@ -26,7 +26,7 @@ from studies.benchmarks.between.cases import Case, minimise_from, random_cases
 from studies.benchmarks.between.judging import worst_violation
 from studies.reporting import Row, report, study_parser, tell
 
-GOAL, COST = 1e-4, 0.2  # share of a range; % of the objective
+GOAL, COST = 1e-6, 0.2  # share of a range, what differences of positions can tell; % of the objective
 CASES, QUICK_CASES = 40, 4
 
 

@@ -20,7 +20,7 @@ from paretoik.trajectory.plan_starts import sample_starts
 from paretoik.trajectory.transcription import motion_program
 from problems import panda
 
-KINDS = ("velocity", "acceleration", "torque", "clearance")
+KINDS = ("velocity", "acceleration", "torque", "clearance", "position")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -162,11 +162,12 @@ def _active(kind: str, best: Motion, rng: np.random.Generator) -> tuple[pk.Limit
     share = rng.uniform(*OPTIONS.share, size=best.arm.dof)
     if kind == "clearance":
         return pk.Limits(clearance=0.005), (_obstacle(best, rng),)
-    if kind == "torque":
-        middle = (best.torque.max(axis=0) + best.torque.min(axis=0)) / 2
-        half = share * (best.torque.max(axis=0) - best.torque.min(axis=0)) / 2
+    if kind in ("torque", "position"):
+        values = best.torque if kind == "torque" else best.q
+        middle, half = (values.max(axis=0) + values.min(axis=0)) / 2, share * np.ptp(values, axis=0) / 2
         half = np.maximum(half, 0.05 * half.max())
-        return pk.Limits(torque=(middle - half, middle + half)), ()
+        both = (middle - half, middle + half)
+        return (pk.Limits(torque=both) if kind == "torque" else pk.Limits(position=both)), ()
     largest = np.abs(best.dq if kind == "velocity" else best.ddq).max(axis=0)
     bound = share * np.maximum(largest, 0.05 * largest.max())
     return (pk.Limits(velocity=bound) if kind == "velocity" else pk.Limits(acceleration=bound)), ()

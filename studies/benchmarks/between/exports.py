@@ -91,7 +91,9 @@ def examples() -> Iterator[Example]:
         name="Panda, velocity and torque",
         arm=panda.panda(),
         path=pk.line([0.45, -0.2, 0.4], [0.45, 0.2, 0.5], duration=1.5, samples=26),
-        limits=lambda best: pk.Limits(velocity=size(best, "dq", 0.98), torque=size(best, "torque", 1.0)),
+        limits=lambda best: pk.Limits(
+            velocity=size(best, "dq", 0.98), torque={"panda_joint1": 0.99 * float(np.abs(best.torque[:, 0]).max())}
+        ),
     )
     yield Example(
         name="cyclic 3R, velocity and acceleration",
