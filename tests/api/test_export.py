@@ -167,15 +167,15 @@ GOALS = [pk.kinetic_energy, pk.torque_norm]
 
 
 def active_problem(arm, path, kind, seed, goals):
-    """Return a problem whose limits of a kind its best motion without them exceeds, at random for every joint."""
+    """Return a problem with limits of a kind that its best motion without them exceeds, of one joint at random."""
     rng = np.random.default_rng(seed)
     boundless = pk.Limits(velocity=np.inf, torque=np.inf)
     best = pk.plan(pk.Tracking(arm, path, objectives=goals[:1], limits=boundless), starts=3).best.motion
-    values = getattr(best, VALUES[kind.removeprefix("varying ")])
-    middle, half = (values.max(axis=0) + values.min(axis=0)) / 2, np.ptp(values, axis=0) / 2
-    half = np.maximum(rng.uniform(0.96, 0.99, arm.dof) * half, 0.05 * half.max())
-    if kind == "position":  # of one joint: postures that keep those of all are few
-        half[:-1] *= 1.5
+    values, joint = getattr(best, VALUES[kind.removeprefix("varying ")]), rng.integers(arm.dof)
+    middle, half = np.zeros(arm.dof), np.abs(values).max(axis=0)
+    if kind == "position":
+        middle, half = (values.max(axis=0) + values.min(axis=0)) / 2, np.ptp(values, axis=0) / 2
+    half = np.maximum(half, 0.05 * half.max()) * np.where(np.arange(arm.dof) == joint, rng.uniform(0.96, 0.99), 1.5)
     if kind == "varying velocity":
         half = rng.uniform(1.0, 1.05, (len(path.times), 1)) * half
     limits = pk.Limits(velocity=np.inf, torque=np.inf) if kind == "position" else pk.Limits()
