@@ -1,8 +1,10 @@
 """Wan, Yao, Zhang & Wu 2018: a 7R arm along two paths that end beyond its reach.
 
 Positions move along a line by the modified trapezoidal law, Euler angles by a polynomial of fifth order. The paper does
-not say which Euler angles (intrinsic ZYZ fit best), nor how long the motions take, nor where they start: durations are
-parameters with defaults that fit the times of its text, and starts are all over the self-motion of the first pose::
+not say which Euler angles: intrinsic ZYZ come nearest to its Table 2, extrinsic xyz to its Table 3 (rows of
+``studies.wan_2018``), and ZYZ are the default. Nor does it say how long the motions take, nor where they start:
+durations are parameters with defaults that fit the times of its text, and starts are all over the self-motion of the
+first pose::
 
     method = pk.methods.WeightedGradientProjection(feedback=80.0)
     pk.resolve(pk.arms.wan_7r(), simulation(), method, start=q, unreachable="track")
@@ -35,15 +37,15 @@ EULER = "ZYZ"
 DAMPING_RANGE = methods.Parameter("damping", 1e-3, 1e-1, scale="log", fields=("region", "damping"))
 
 
-def simulation(duration: float = 0.3) -> Path:
-    """Return the path of section 3.1, there in so many seconds."""
-    return _path("simulation", np.linspace(0.0, 1.0, round(duration / STEP) + 1))
+def simulation(duration: float = 0.3, euler: str = EULER) -> Path:
+    """Return the path of section 3.1, there in ``duration`` [s]; ``euler`` names the axes of its angles."""
+    return _path("simulation", np.linspace(0.0, 1.0, round(duration / STEP) + 1), euler)
 
 
-def experiment(duration: float = 1.855) -> Path:
-    """Return the path of section 3.2, there in so many seconds and back in as many."""
+def experiment(duration: float = 1.855, euler: str = EULER) -> Path:
+    """Return the path of section 3.2, there in ``duration`` [s] and back; ``euler`` names the axes of its angles."""
     fractions = np.linspace(0.0, 1.0, round(duration / STEP) + 1)
-    return _path("experiment", np.concatenate([fractions, fractions[-2::-1]]))
+    return _path("experiment", np.concatenate([fractions, fractions[-2::-1]]), euler)
 
 
 def weighted_gains(judged_starts: int = 5) -> Tuning:
@@ -88,9 +90,9 @@ def modified_trapezoid(u: np.ndarray) -> np.ndarray:
     return np.asarray(np.interp(u, fine, travel / travel[-1]))
 
 
-def _path(name: str, u: np.ndarray) -> Path:
+def _path(name: str, u: np.ndarray, euler: str) -> Path:
     (place, turn), (last_place, last_turn) = (tuple(np.array(part) for part in end) for end in ENDS[name])
     along, turned = modified_trapezoid(u)[:, None], (u**3 * (10 - 15 * u + 6 * u**2))[:, None]
     places = place + along * (last_place - place)
-    matrices = Rotation.from_euler(EULER, turn + turned * (last_turn - turn), degrees=True).as_matrix()
+    matrices = Rotation.from_euler(euler, turn + turned * (last_turn - turn), degrees=True).as_matrix()
     return poses(STEP * np.arange(len(u)), [Pose.from_matrix(m, p) for m, p in zip(matrices, places, strict=True)])

@@ -23,7 +23,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Follow the paper's closed loops, report their tables and draw the figures."""
     parser = study_parser(
         "Marcos et al. 2012, CLMOGA.",
-        quick="three links, one circle, one weight, with and without obstacles",
+        quick="three and four links, one circle, one weight, with and without obstacles",
         out="marcos_2012",
         cluster="all closed loops that are searched",
     )
@@ -39,7 +39,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def _follow(executor: Executor, *, quick: bool, seed: int) -> tuple[list[CellLoop], list[Row]]:
     """Return the closed loops of the tables, and all rows."""
     started = time.perf_counter()
-    selection = cells(links=[3], distances=[0.7], weights=[0.5]) if quick else cells()
+    selection = cells(distances=[0.7], weights=[0.5]) if quick else cells()
     tell("first postures")
     postures = find_starts(selection, seed=seed, executor=executor)
     tell(f"{len(selection)} closed loops")

@@ -46,14 +46,18 @@ class Simulation:
         return self.plan.best.motion
 
 
-def with_arm(problem: pk.Tracking, masses: str, samples: int | None = None, path: pk.Path | None = None) -> pk.Tracking:
-    """Return the same problem for the arm with "printed" or "fitted" masses, at other samples or along another path."""
+def with_arm(
+    problem: pk.Tracking, masses: str | pk.Arm, samples: int | None = None, path: pk.Path | None = None
+) -> pk.Tracking:
+    """Return the same problem for another arm, or "printed" or "fitted" masses, at other samples or along a path."""
     if masses == "printed" and samples is None and path is None:
         return problem
+    if isinstance(masses, str):
+        masses = pk.arms.tringali_3r(masses="fitted" if masses == "fitted" else "printed")
     task = problem.task if samples is None else problem.task.resample(samples)
     limits = {kind: (bounds[0, :, 0], bounds[0, :, 1]) for kind, bounds in task.bounds.items()}
     return pk.Tracking(
-        pk.arms.tringali_3r(masses="fitted" if masses == "fitted" else "printed"),
+        masses,
         path or task.tasks,
         objectives=task.objectives,
         limits=pk.Limits(
@@ -125,7 +129,9 @@ def tables(simulation: Simulation) -> list[Row]:
         rows.append(beside(table, masses, name, "peak torque", "N m", torque))
         rows.append(beside(table, masses, name, "peak power", "W", power, "of one joint"))
     labels = ", ".join(f"{o.label} {o.objective:.5f}" for o in plan.optima)
-    rows.append(beside(table, masses, name, "distinct optima", "", len(plan.optima), f"bends and {goal}: {labels}"))
+    theirs = "; the paper shows three in its Table 4 and Figure 3" if simulation.number == 1 else ""
+    note = f"bends and {goal}: {labels}{theirs}"
+    rows.append(beside(table, masses, name, "distinct optima", "", len(plan.optima), note))
     if simulation.problem.task.limit_names:
         use, which = limit_use(simulation)
         rows.append(beside(table, masses, name, "worst limit use", "", use, f"1 is all of it: {which}"))

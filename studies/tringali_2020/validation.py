@@ -18,6 +18,7 @@ from studies.tringali_2020.shooting import shoot_extremals
 from studies.tringali_2020.simulations import Simulation
 
 TABLE = "Table 4"
+PAPERS_OPTIMA = ("optimum 1", "optimum 2", "optimum 3")
 INTEGRATED, FREED = 1e-7, 1e-8  # tolerances: finer ones give the same digits
 MOVED = np.linspace(-0.02, 0.02, 41)  # rad: of a start along the self-motion
 
@@ -25,7 +26,7 @@ MOVED = np.linspace(-0.02, 0.02, 41)  # rad: of a start along the self-motion
 def match_optima(fitted: Simulation) -> dict[str, str]:
     """Return the paper's optima by the bends of ours: each the one of the fitted arm that is nearest in energy."""
     remaining, names = list(fitted.plan.optima), {}
-    for row in ("optimum 1", "optimum 2", "optimum 3"):
+    for row in PAPERS_OPTIMA:
         if remaining:
             energy = paper()[TABLE, row, "planner"]
             nearest = min(remaining, key=lambda o: abs(o.objective - energy))

@@ -170,7 +170,25 @@ def text_rows(trajectory: Trajectory) -> list[Row]:
                 note=f"{100 * difference:+.1f} %; {reason(row, column, trajectory.masses, difference)}",
             )
         )
+    if any(table == "Figure 8" and row == trajectory.name for table, row, _ in paper()):
+        rows.append(_always_lower_row(trajectory))
     return rows
+
+
+def _always_lower_row(trajectory: Trajectory) -> Row:
+    """Return at how many samples PMKE has no smaller spectral radius than LSV; the paper's is "always lower"."""
+    ahead, local = (spectral_radius(trajectory.motions[name]) for name in ("PMKE", "LSV"))
+    above = ahead[1:] >= local[1:]  # both start from the same posture
+    times = trajectory.motions["PMKE"].time[1:][above]
+    return Row(
+        table=f"Figure 8, {trajectory.masses} masses",
+        row=trajectory.name,
+        column="samples at which PMKE is not below LSV",
+        unit="",
+        ours=int(above.sum()),
+        reference=0,
+        note=f"of {len(above)}" + (f", from {times[0]:.2f} to {times[-1]:.2f} s" if len(times) else ""),
+    )
 
 
 def text_number(motion: pk.Motion, table: str, row: str, column: str) -> float:

@@ -11,7 +11,7 @@ from studies.wan_2018.events import event_rows
 from studies.wan_2018.fronts import comparison_rows
 from studies.wan_2018.methods import resolve_table
 from studies.wan_2018.pictures import draw
-from studies.wan_2018.tables import running_time_rows, speed_row, table_rows
+from studies.wan_2018.tables import euler_rows, running_time_rows, speed_row, table_rows
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -27,6 +27,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         tables = [resolve_table(table, population=population, executor=executor) for table in ("Table 2", "Table 3")]
         fronts = comparison_rows(seeds=seeds, generations=generations, executor=executor)
     rows = [row for resolved in tables for row in table_rows(resolved)]
+    tell("readings of the Euler angles")
+    rows += [row for table in ("Table 2", "Table 3") for row in euler_rows(table, population=population)]
     tell("events of the figures")
     rows += event_rows(tables)
     rows += [row for resolved in tables for row in running_time_rows(resolved, rounds=rounds)]

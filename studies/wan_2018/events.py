@@ -16,7 +16,7 @@ from studies.wan_2018.methods import VARIANTS, Resolved, axis_errors, paper
 
 SECOND = 1  # joint 2, counted from 0
 UNKNOWN_START = "no start is printed, and a duration that fits these times is ours"
-IN_REACH = "no start and no Euler angles are printed; by ZYZ few of GPM's motions are ever singular"
+IN_REACH = "no start and no Euler angles are printed; by ZYZ few motions of GPM are singular (rows below)"
 BUFFERS = "no start is printed; from most of ours a joint is in its buffer, which lowers the singular values"
 
 

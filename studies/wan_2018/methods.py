@@ -52,12 +52,9 @@ class Resolved:
     def nearest_start(self) -> int:
         """Return the start from which the baseline's errors are nearest to those printed, in logarithms.
 
-        Of motions without steps cut short; the paper prints no start.
+        Motions whose steps were cut short do not count; the paper prints no start.
         """
-        motion = self.motions[self.baseline]
-        printed = [paper()[self.table, axis, self.baseline] for axis in AXES]
-        distance = np.linalg.norm(np.log(worst_errors(motion) / printed), axis=1)
-        return int(np.where(cut_short(motion), np.inf, distance).argmin())
+        return int(error_distances(self.table, self.baseline, self.motions[self.baseline]).argmin())
 
 
 def paper_name(name: str) -> str:
@@ -101,9 +98,9 @@ def all_methods(table: str) -> dict[str, tuple[pk.methods.Method, pk.Limits]]:
     return methods | {name: (program, limits) for name, limits in LIMITED[table].items()}
 
 
-def path_of(table: str) -> pk.Path:
-    """Return the path of a table's motions."""
-    return wan_2018.simulation() if table == "Table 2" else wan_2018.experiment()
+def path_of(table: str, euler: str = wan_2018.EULER) -> pk.Path:
+    """Return the path of a table's motions, its angles read about the axes ``euler``."""
+    return wan_2018.simulation(euler=euler) if table == "Table 2" else wan_2018.experiment(euler=euler)
 
 
 def start_postures(path: pk.Path, count: int, *, seed: int = 0) -> np.ndarray:
@@ -140,10 +137,11 @@ def resolve_table(table: str, *, population: int, executor: Executor | None = No
     return Resolved(table=table, motions=motions)
 
 
-def resolve_from(table: str, name: str, starts: np.ndarray) -> ResolvedMotion:
+def resolve_from(table: str, name: str, starts: np.ndarray, euler: str = wan_2018.EULER) -> ResolvedMotion:
     """Return the motions of a method from starts; by names so that it can be in another process."""
     method, limits = all_methods(table)[name]
-    return pk.resolve(pk.arms.wan_7r(), path_of(table), method, start=starts, limits=limits, unreachable="track")
+    path = path_of(table, euler)
+    return pk.resolve(pk.arms.wan_7r(), path, method, start=starts, limits=limits, unreachable="track")
 
 
 def join(parts: Sequence[ResolvedMotion]) -> ResolvedMotion:
@@ -159,6 +157,13 @@ def join(parts: Sequence[ResolvedMotion]) -> ResolvedMotion:
 def worst_errors(motion: ResolvedMotion) -> np.ndarray:
     """Return the greatest error (motions, 6) on every axis: position, and half the sum of Eq. 33, in world axes."""
     return np.asarray(np.abs(axis_errors(motion)).max(axis=-2))
+
+
+def error_distances(table: str, method: str, motion: ResolvedMotion) -> np.ndarray:
+    """Return how far errors (motions,) are from those printed, in logarithms; inf if steps were cut short."""
+    printed = [paper()[table, axis, method] for axis in AXES]
+    distance = np.linalg.norm(np.log(worst_errors(motion) / printed), axis=1)
+    return np.where(cut_short(motion), np.inf, distance)
 
 
 def axis_errors(motion: ResolvedMotion) -> np.ndarray:

@@ -11,7 +11,8 @@ from scipy.optimize import minimize
 import paretoik as pk
 from paretoik import line
 from paretoik.errors import Infeasible, InvalidInput
-from paretoik.resolution.horizon import horizon_program
+from paretoik.resolution.horizon import horizon_program, quartic_spline
+from paretoik.resolution.predictive import follow_predictively, schedules
 from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arms import marcos_nr, tringali_3r
 from paretoik.task.motion_task_validation import motion_task
@@ -124,6 +125,30 @@ def test_it_looks_ahead_when_the_paper_does():
     assert motion.traces.predictions.shape == (17, 2, 3)
     assert motion.traces.converged.all()
     assert (motion.traces.seconds > 0).all()
+
+
+def test_every_spline_begins_as_the_arm_moves_there():
+    # Tringali & Cocuzza 2021, step 6: velocities and accelerations at its start are those reached by the arm.
+    begins = []
+
+    def make_spline(points, rate, second):
+        begins.append((points[0], rate, second))
+        return quartic_spline(points, rate, second)
+
+    path, method = straight(0.1, 1001), pk.methods.PredictiveKineticEnergy()
+    task = task_of(tringali_3r(), path, pk.kinetic_energy)
+    motion = follow_predictively(task, method, START, tolerance=0.01, make_spline=make_spline)
+    updates, step = motion.traces.updates, path.times[1]
+    unit = schedules(method, path.times, ())[0].stride * step  # s, from one prediction to the next
+    assert len(begins) == len(updates)
+    for k, (posture, rate, second) in zip(updates.tolist(), begins, strict=True):
+        before = motion.traces.velocities[max(k - 2, 0) : k]
+        expected = before[-1] if k else np.zeros(3)
+        acceleration = (before[-1] - before[-2]) / step if k > 1 else np.zeros(3)
+        np.testing.assert_allclose(posture, motion.q[k], atol=1e-12)
+        np.testing.assert_allclose(rate, unit * expected, atol=1e-9)
+        np.testing.assert_allclose(second, unit**2 * acceleration, atol=1e-6)
+    assert np.abs([rate for _, rate, _ in begins]).max() > 0.1
 
 
 def test_what_is_added_leaves_the_task_alone():

@@ -7,13 +7,15 @@ import pytest
 
 from paretoik.robot.arms import kim_3r, marcos_nr, tringali_3r, wan_7r
 from paretoik.robot.kinematics import forward_kinematics
+from problems import tringali_2020
 
 
-def test_the_papers_start_is_within_reach_of_the_tringali_arm_at_the_printed_place():
-    # Tringali & Cocuzza 2020, section 3.2: both trajectories start at (0.4678, 0) m, 2.2 cm inside of full reach.
+def test_the_papers_paths_start_2_cm_inside_of_the_tringali_arms_reach():
+    # Tringali & Cocuzza 2020, Table 1 and section 3.2: links of 0.176, 0.176 and 0.1375 m, a start at (0.4678, 0) m.
     arm = tringali_3r()
     assert forward_kinematics(arm, np.zeros(3))[1] == pytest.approx([0.4895, 0.0, 0.0])
-    assert np.linalg.norm([0.4678, 0.0]) < 0.4895
+    for path in (tringali_2020.straight(), tringali_2020.round_trip()):
+        assert 0.4895 - np.linalg.norm(path.positions[0, :2]) == pytest.approx(0.0217, abs=1e-12)
     assert [body.mass for body in arm.bodies] == [0.615, 0.615, 0.307]
 
 

@@ -111,6 +111,25 @@ def test_distances_without_the_matrix_are_the_same(monkeypatch):
     assert np.array_equal(with_matrix[1], without[1])
 
 
+@settings(max_examples=100, deadline=None)
+@given(objectives(2, max_points=20), st.data())
+def test_survivors_are_those_of_the_rule_across_fronts(F, data):
+    # Whole ranks while they fit; then the point farthest from all that were selected, better ranks included.
+    count = data.draw(st.integers(1, len(F)))
+    ranks, places = pareto_rank(F), np.arange(len(F))
+    first = F[ranks == 0]
+    Z = scaled(F, first.min(axis=0), first.max(axis=0))
+    last = np.sort(ranks)[count - 1]
+    chosen = places[ranks < last].tolist()
+    splitting = places[ranks == last]
+    starts = [int(splitting[one]) for one in starting_points(Z[splitting])] if last == 0 else []
+    while len(chosen) < count:
+        left = [one for one in splitting if one not in chosen]
+        gaps = [min(((Z[one] - Z[other]) ** 2).sum() for other in chosen) if chosen else np.inf for one in left]
+        chosen.append(starts[len(chosen)] if len(chosen) < len(starts) else left[int(np.argmax(gaps))])
+    assert set(survivors(F, np.zeros(len(F)), count).index.tolist()) == set(chosen)
+
+
 @settings(max_examples=60, deadline=None)
 @given(st.integers(1, 4).flatmap(objectives), st.data())
 def test_better_ranks_come_first_and_each_point_once(F, data):
