@@ -14,11 +14,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import paretoik as pk
+from paretoik.robot.arms import TRINGALI_MASSES
 from problems import tringali_2020
 from studies.reporting import REPORTED, report
 from studies.tringali_2020 import __main__ as command
 from studies.tringali_2020 import trade_off
 from studies.tringali_2020.candidates import FITTED_FROM, Decline
+from studies.tringali_2020.masses import PLACES, Prototype
 from studies.tringali_2020.pictures import draw
 from studies.tringali_2020.published import SearchOptions, candidates, initial_postures, published_rows, rank
 from studies.tringali_2020.reported import LOW, beside, paper
@@ -109,8 +111,9 @@ def test_every_number_of_the_paper_stands_beside_one_of_ours_in_the_same_unit(st
         ("Table 6", "simulation 5", "peak power"),
     ],
 )
-def test_fitted_masses_bring_the_papers_numbers_within_two_percent(study, table, row, column):
-    assert study.value(table, row, column) == pytest.approx(paper()[table, row, column], rel=0.02)
+def test_fitted_masses_bring_the_papers_numbers_within_a_percent_or_two(study, table, row, column):
+    near = 0.0085 if (table, row, column) in PLACES else 0.02
+    assert study.value(table, row, column) == pytest.approx(paper()[table, row, column], rel=near)
 
 
 def test_as_printed_masses_give_a_quarter_less_energy_than_the_paper(study):
@@ -317,7 +320,7 @@ def test_a_number_says_how_far_it_is_from_the_papers():
     assert near.note == "+0.00 %; the same within 1 %"
     low = beside("Table 5", "printed", "simulation 1", "kinetic energy", "J s", 0.04)
     assert low.note == f"-24.24 %; {LOW}"
-    alone = beside("Table 5", "fitted", "simulation 1", "distinct optima", "", 5, "why")
+    alone = beside("Table 5", "fitted", "simulation 2", "distinct optima", "", 5, "why")
     assert (alone.reference, alone.note) == (None, "why")
 
 
@@ -344,3 +347,14 @@ def test_both_arms_are_those_of_the_library(study):
             assert [b.mass for b in simulation.problem.task.arm.bodies] == [
                 b.mass for b in pk.arms.tringali_3r(masses=masses).bodies
             ]
+
+
+def test_fitted_masses_fit_and_each_of_them_matters():
+    printed = np.array([paper()[place] for place in PLACES])
+    prototype, fitted = Prototype(starts=12), np.array(TRINGALI_MASSES["fitted"])
+    errors = np.abs(prototype.numbers(fitted) / printed - 1)
+    assert errors.max() < 0.005
+    for k in range(3):
+        for factor in (0.85, 1.15):
+            changed = fitted * np.where(np.arange(3) == k, factor, 1.0)
+            assert np.abs(prototype.numbers(changed) / printed - 1).max() > 0.02

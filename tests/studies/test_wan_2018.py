@@ -26,7 +26,7 @@ from studies.wan_2018.methods import (
     worst_errors,
 )
 from studies.wan_2018.pictures import FIGURES, draw
-from studies.wan_2018.tables import running_time_rows, speed_row, table_rows
+from studies.wan_2018.tables import euler_rows, running_time_rows, speed_row, table_rows
 
 
 @cache
@@ -66,10 +66,17 @@ def test_starts_are_within_the_limits_and_on_the_first_pose():
 def test_tables_stand_beside_the_papers(table):
     rows = table_rows(resolved_table(table))
     errors = [row for row in rows if row.reference is not None]
-    assert len(errors) == 18
+    assert len(errors) == 2 * 18  # medians, and from the nearest start
     assert {row.reference for row in errors} == {v for (t, row, _), v in paper().items() if t == table and row in AXES}
     shares = [row.ours for row in rows if row.unit == "share of starts"]
     assert all(0 <= share <= 1 for share in shares)
+
+
+def test_readings_of_the_euler_angles_are_compared_by_their_errors():
+    rows = euler_rows("Table 2", population=20)
+    assert [row.row.split(",")[0] for row in rows][0] == wan_2018.EULER
+    assert len({row.row for row in rows}) == len(rows) > 3
+    assert all(row.ours > 0 for row in rows)
 
 
 def test_joint_4_is_freed_more_often_than_by_the_weighted_least_norm():
@@ -124,7 +131,7 @@ def test_families_are_compared_by_their_fronts():
 
 
 def test_the_command_writes_rows(tmp_path, monkeypatch):
-    for name in ("table_rows", "event_rows", "running_time_rows", "draw"):
+    for name in ("table_rows", "euler_rows", "event_rows", "running_time_rows", "draw"):
         monkeypatch.setattr(study, name, lambda *_, **__: [])
     monkeypatch.setattr(study, "resolve_table", lambda *_, **__: None)
     monkeypatch.setattr(study, "processes", lambda _: nullcontext())
