@@ -44,7 +44,7 @@ class Prototype:
     starts: int
     former: dict[str, pk.Motion] = field(default_factory=dict)
 
-    def numbers(self, masses: Sequence[float]) -> np.ndarray:
+    def numbers(self, masses: np.ndarray) -> np.ndarray:
         """Return the numbers of ``PLACES`` for masses [kg]."""
         motions = self._optima(arm_with(masses))
         values = {("Table 4", name, "planner"): float(pk.kinetic_energy(motions[name])) for name in PAPERS_OPTIMA}
@@ -90,12 +90,12 @@ def _match(plan: pk.Plan) -> list[tuple[str, int]]:
     ]
 
 
-def arm_with(masses: Sequence[float]) -> pk.Arm:
+def arm_with(masses: np.ndarray) -> pk.Arm:
     """Return the arm of Table 1 with other masses [kg]."""
     bodies = pk.arms.tringali_3r().bodies
     return pk.Arm.planar(
         lengths=[0.176, 0.176, 0.1375],
-        masses=list(masses),
+        masses=masses,
         centers=[float(body.center[0]) for body in bodies],
         inertias=[float(body.inertia[2, 2]) for body in bodies],
     )
