@@ -1,0 +1,131 @@
+"""Mathematical faults planted in the library: ``python -m studies.benchmarks.planted_faults [--quick] [--json FILE]``.
+
+Each fault changes one expression of a copy of this checkout. The default tests of the fault's own folder have to fail
+then. The copy is tested without a fault first for every folder, so that a failure means something.
+"""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from studies.benchmarks.checkouts import ROOT
+from studies.reporting import Row, report, study_parser, tell
+
+
+class Fault(NamedTuple):
+    """A fault: the ``file`` of the library, the expression there, what takes its place, and the tests to catch it."""
+
+    file: str
+    before: str
+    after: str
+    tests: str
+
+
+FAULTS = (
+    Fault("robot/dynamics.py", "times(2.0, dot(velocity, cross(", "times(1.0, dot(velocity, cross(", "robot"),
+    Fault("robot/dynamics.py", "(0.0, 0.0, dq[i])), 2.0)", "(0.0, 0.0, dq[i])), 1.0)", "robot"),
+    Fault("robot/scales.py", "arm.placements[1:], arm.tool", "arm.placements[1:]", "robot"),
+    Fault("task/differences.py", "+= 4 * sixth", "+= 3 * sixth", "task"),
+    Fault("task/limits.py", "lower - values) / limit", "values - lower) / limit", "task"),
+    Fault("task/objectives.py", "np.sum(motion.torque**2, axis=-1)", "np.sum(motion.torque**2, axis=-1) / 2", "task"),
+    Fault("task/objectives.py", "/ (2 * motion.arm.dof) / motion", "/ motion.arm.dof / motion", "task"),
+    Fault("self_motion/charts.py", "(left @ right)", "(right.swapaxes(-1, -2) @ left)", "self_motion"),
+    Fault("autodiff/operation_derivatives.py", "(a, b), (b, a)", "(a, b), (b, b)", "autodiff"),
+    Fault("autodiff/operation_derivatives.py", "1.0 if op is Op.ARC_SINE else -1.0", "1.0", "autodiff"),
+    Fault("nlp/compiled/line_search.py", "length * (-slope) ** 2.3", "length * (-slope) ** 1.3", "nlp"),
+    Fault("nlp/criticality.py", "* scale / norms[active]", "/ norms[active]", "nlp"),
+    Fault("nlp/compiled/householder.py", "x[j] -= total * v[j]", "x[j] += total * v[j]", "nlp"),
+    Fault("pareto/exchange_rates.py", "* natural[None, None, :] /", "* abs(natural)[None, None, :] /", "pareto"),
+    Fault("pareto/gap_filling.py", "shares[i] + POINT_TOLERANCE", "shares[i] + 1e3 * POINT_TOLERANCE", "pareto"),
+    Fault(
+        "search/insertion.py", "np.minimum(nearest, row, out=nearest)", "np.add(nearest, row, out=nearest)", "search"
+    ),
+    Fault("search/row_operators.py", "np.arange(len(pop), 0, -1)", "np.arange(1, len(pop) + 1)", "search"),
+    Fault("search/archive.py", "np.abs(points[:, axis] - new", "(points[:, axis] - new", "search"),
+    Fault("front/indicators.py", "np.less(F, limit).all(axis=1)", "np.less(F, limit).any(axis=1)", "front"),
+    Fault("front/compromise.py", "columns.max(axis=0) +", "columns.min(axis=0) +", "front"),
+    Fault("front/supported.py", "shares[:, 0] - OPTIONS.hull", "shares[:, 0]", "front"),
+    Fault("resolution/joint_weights.py", "1.0 / (1.0 - d) - 1.0 / d", "1.0 / (1.0 - d) - 2.0 / d", "resolution"),
+    Fault("resolution/joint_weights.py", "s * s * (3.0 - 2.0 * s)", "s * s", "resolution"),
+    Fault(
+        "closed_loop/objectives.py", "step.motion.q - step.home) / step.dt", "step.motion.q - step.home)", "closed_loop"
+    ),
+    Fault("capability/compiled/actuators.py", "1.0 - abs(share))", "1.0 - share * share)", "capability"),
+    Fault("capability/compiled/actuators.py", "min(stall / abs(a), back", "max(stall / abs(a), back", "capability"),
+    Fault("trajectory/grid_bound.py", "largest / 8 + 3 / 8", "largest / 80 + 3 / 80", "trajectory"),
+    Fault(
+        "trajectory/compiled/kink_smoothing.py",
+        "(1.0 - dual * argument / length)",
+        "(1.0 + dual * argument / length)",
+        "trajectory",
+    ),
+    Fault(
+        "joint_trajectory/time_scaling.py", "self.ramp * x**4 * (2.5 +", "self.ramp * x**4 * (2.0 +", "joint_trajectory"
+    ),
+    Fault("formulations/encoding.py", "* self.radius[which][..., None]", "", "formulations"),
+)
+
+
+def plant(copy: Path, fault: Fault) -> None:
+    """Write a fault into the copy; raise ValueError unless its expression stands there."""
+    file = copy / "paretoik" / fault.file
+    text = file.read_text(encoding="utf-8")
+    if fault.before not in text:
+        raise ValueError(f"{fault.file} must have {fault.before!r}: plant the fault elsewhere")
+    file.write_text(text.replace(fault.before, fault.after, 1), encoding="utf-8")
+
+
+def run_tests(copy: Path, folder: str) -> tuple[bool, str]:
+    """Return whether the default tests of a folder pass in the copy, and the first test that does not."""
+    for index in (copy / "paretoik").rglob("*.nbi"):  # callers in other files go on with compiled code otherwise
+        index.unlink()
+    command = [sys.executable, "-m", "pytest", "-q", "-x", "-n", "2", f"tests/{folder}"]
+    finished = subprocess.run(command, cwd=copy, capture_output=True, text=True, check=False)
+    failed = [line.split(" ")[1] for line in finished.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
+    return finished.returncode == 0, failed[0] if failed else finished.stdout.strip().rpartition("\n")[2]
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Plant every fault, run the tests of its folder, and report which are caught."""
+    options = study_parser("Planted mathematical faults.", quick="six faults instead of all").parse_args(arguments)
+    faults = FAULTS[::5] if options.quick else FAULTS
+    rows = []
+    with tempfile.TemporaryDirectory() as folder:
+        copy = Path(folder) / "copy"
+        shutil.copytree(ROOT, copy, ignore=shutil.ignore_patterns(".git", "runs", "__pycache__"))
+        for tests in sorted({fault.tests for fault in faults}):
+            tell(f"tests/{tests} without a fault")
+            passes, which = run_tests(copy, tests)
+            if not passes:
+                raise SystemExit(f"tests/{tests} must pass without a fault, got {which}")
+        for number, fault in enumerate(faults, start=1):
+            tell(f"fault {number} of {len(faults)}: {fault.file}")
+            file = copy / "paretoik" / fault.file
+            whole = file.read_text(encoding="utf-8")
+            plant(copy, fault)
+            passes, which = run_tests(copy, fault.tests)
+            file.write_text(whole, encoding="utf-8")
+            rows.append(
+                Row(
+                    table="planted faults, caught by the default tests of their own folder",
+                    row=f"{fault.file}: {fault.before.strip()} → {fault.after.strip() or 'nothing'}",
+                    column="caught",
+                    unit="",
+                    ours=float(not passes),
+                    reference=1.0,
+                    source="goal",
+                    note="" if passes else which,
+                )
+            )
+    report(rows, json_file=options.json)
+    print(f"{int(sum(row.ours for row in rows))} of {len(rows)} caught")
+
+
+if __name__ == "__main__":
+    main()
