@@ -34,7 +34,7 @@ TILT_TOLERANCE = 1e-9  # m/s² of gravity: what rounding makes of a base that is
 
 @dataclass(frozen=True, kw_only=True)
 class RobotReport:
-    """What a URDF holds: its faults, warnings about what loads but may surprise, and a summary in a few lines."""
+    """Faults of a URDF, warnings about what loads but may surprise, and a summary in a few lines."""
 
     file: Path
     faults: tuple[str, ...]
@@ -86,13 +86,13 @@ def check_robot(
         faults = _build_arm(robot, chain, repair_inertias)[1] if chain.moving else list_messages(chain.faults)
         every = list_messages(robot.part_faults)
         others = [each for each in every if not any(fault.startswith(each) for fault in faults)]
-        warnings = (*robot.warnings, *(f"{each}; it matters on a chain that it is on" for each in others))
+        notices = tuple(f"{each}; it matters on a chain that it is on" for each in others)
     else:
         chain = select_chain(str(file), robot, base, tip, fixed, soft=soft)
         summary.append(f"chain {chain.base} to {chain.tip}: {len(chain.moving)} moving joints")
         summary += [_summarise(joint) for joint in chain.moving]
         _, faults, notices = _build_arm(robot, chain, repair_inertias)
-        warnings = (*robot.warnings, *notices, *find_zero_limits(chain))
+    warnings = (*robot.warnings, *notices, *find_zero_limits(chain))
     return RobotReport(file=file, faults=faults, warnings=warnings, summary=tuple(summary))
 
 
@@ -212,8 +212,8 @@ def _build_arm(
 def _place_links(chain: Chain) -> tuple[dict[str, Frame], tuple[Pose, ...]]:
     """Return every link's frame on the moving link that carries it, and the placements of the moving joints.
 
-    The frame of a moving link is that of its joint, turned so that z is the joint's axis. What a joint off the chain
-    carries has no frame if the joint cannot be placed.
+    The frame of a moving link is that of its joint, turned so that z is the joint's axis. Links that a misplaced joint
+    carries have none.
     """
 
     def at_rest(joint: JointDescription) -> Pose:

@@ -190,7 +190,7 @@ class _Reader:
         if "rpy" in origin.attributes:
             self.fault(origin, "origin must have rpy or quat_xyzw, got both")
             return None
-        if self.version == "1.0":
+        if self.version in ("1", "1.0"):
             text = 'quat_xyzw is of URDF 1.1; without version="1.1" on <robot>, other programs may read no rotation'
             self.warning(origin, text)
         xyzw = self.finite(origin, "quat_xyzw", None, 4)

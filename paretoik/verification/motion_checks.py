@@ -47,7 +47,8 @@ def check_samples(task: Any, model: ArmModel, time: np.ndarray, q: np.ndarray, p
         distance, angle = tracking_errors(model, each, q, positions, rotations)
         error = np.maximum(distance / model.length, angle)
         worst = int(error.argmax())
-        where = f"{each.frame} is {distance[worst]:.3g} m, {angle[worst]:.3g} rad off its path at sample {worst}"
+        error_text = f"{distance[worst]:.3g} m, {angle[worst]:.3g} rad off its path at sample {worst}"
+        where = f"{each.frame.strip('<>')} is {error_text}"
         yield judge("tracking at samples", float(error.max()), OPTIONS.on_path, where, point=point)
     if task.start is not None:
         off = float(np.abs((q[0] - task.start) / model.scales).max())

@@ -3,11 +3,12 @@
 Chains run from the root to the leaves and between random links, with random joints fixed. On each, the arm is compared
 with Pinocchio's model of the whole file, which gets the same joint values: position and rotation of **every link of the
 file, by its name**, in the base link; gravity torques; inverse dynamics. Errors are in m, entries of a rotation, and
-shares of the largest torque (at least 1 N m) of a chain. What is refused is counted by its reason, and that
-``check_robot`` finds faults if and only if ``Arm.from_urdf`` refuses.
+shares of the largest torque (at least 1 N m) of a chain. Refused chains are counted by their reason; a disagreement is
+a chain for which ``check_robot`` lists other faults than those that ``Arm.from_urdf`` refuses.
 
-Inertias that no body has are repaired if nothing else is wrong. Such a chain is compared without its inverse dynamics,
-as Pinocchio computes with what is written. Inertias that ours take as 0 off the chain are 0 for Pinocchio, too.
+Inertias that no body has are repaired if nothing else is wrong. The chain is then compared without its inverse
+dynamics, as Pinocchio computes with what is written. Inertias that ours take as 0 off the chain are 0 for Pinocchio,
+too.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ MOVING = ("revolute", "continuous", "prismatic")
 
 @dataclass
 class Tally:
-    """What the chains of a package gave: worst errors with where they are, and refusals by reason."""
+    """Worst errors of a package's chains with their places, and refusals by reason."""
 
     files: int = 0
     chains: int = 0
@@ -104,7 +105,7 @@ class Peer:
 
 @dataclass(frozen=True)
 class Tree:
-    """Links and joints of a URDF as text has them, read without the library."""
+    """Links and joints of a URDF, read without the library."""
 
     links: tuple[str, ...]
     parents: Mapping[str, tuple[str, str]]  # of a link: the joint above it and that joint's parent
@@ -114,7 +115,7 @@ class Tree:
 
     @classmethod
     def from_text(cls, text: str) -> Tree:
-        """Return the tree of a URDF; raises ValueError or KeyError for what is none."""
+        """Return the tree of a URDF; raises ValueError or KeyError if it has none."""
         robot = ElementTree.fromstring(text)
         parents, types, limits, mimics = {}, {}, {}, {}
         for joint in robot.findall("joint"):
@@ -156,14 +157,19 @@ class Tree:
 def random_chains(
     tree: Tree, rng: np.random.Generator, leaves: int, pairs: int
 ) -> Iterator[tuple[str | None, str, dict[str, float]]]:
-    """Yield base, tip and fixed joints: from the root to some leaves, then between random links."""
-    for leaf in rng.permutation(tree.leaves)[:leaves].tolist():
-        yield None, leaf, {}
-    lower = [link for link in tree.links if link in tree.parents]
-    for tip in rng.permutation(lower)[:pairs].tolist():
-        base = str(rng.choice(tree.above(tip)))
-        movable = [name for name, kind in tree.types.items() if kind in MOVING and name not in tree.mimics]
-        ranges = {name: np.clip(tree.limits.get(name, (-3.0, 3.0)), -3.0, 3.0) for name in movable}
+    """Yield base, tip and fixed joints: from the root to some leaves, then between random links.
+
+    A joint that could move is between base and tip, though it may be fixed.
+    """
+    movable = {link for link, (name, _) in tree.parents.items() if tree.types[name] in MOVING}
+    for leaf in rng.permutation([link for link in tree.leaves if movable & {link, *tree.above(link)}])[:leaves]:
+        yield None, str(leaf), {}
+    for tip in rng.permutation([link for link in tree.links if movable & {link, *tree.above(link)}])[:pairs].tolist():
+        line = [tip, *tree.above(tip)]
+        first = next(row for row, link in enumerate(line) if link in movable)
+        base = str(rng.choice(line[first + 1 :]))
+        free = [name for name, kind in tree.types.items() if kind in MOVING and name not in tree.mimics]
+        ranges = {name: np.clip(tree.limits.get(name, (-3.0, 3.0)), -3.0, 3.0) for name in free}
         chosen = [name for name, (lower, upper) in ranges.items() if lower <= upper and rng.random() < 0.2]
         yield base, tip, {name: float(rng.uniform(*ranges[name])) for name in chosen}
 
@@ -240,12 +246,12 @@ def compare_file(file: Path, tally: Tally, rng: np.random.Generator, leaves: int
 
 
 def _reason(fault: str) -> str:
-    """Return what a fault is about, without its line, names and numbers."""
-    return re.sub(r"^(line \d+: )?((link|joint) '[^']*': )?|'[^']*'|;.*", "", fault).strip()
+    """Return what a fault is about, without its line and names."""
+    return re.sub(r"^(line \d+: )?((link|joint) '[^']*': )?|, got principal.*|;.*", "", fault).strip()
 
 
 def package_files(package: str) -> list[Path]:
-    """Return the URDFs of an installed package, none if it is not installed."""
+    """Return the URDFs of a package; none if it is not installed."""
     try:
         return sorted(Path(str(each.locate())) for each in files(package) or () if each.suffix == ".urdf")
     except PackageNotFoundError:
@@ -271,7 +277,17 @@ def tally_rows(name: str, tally: Tally) -> list[Row]:
         for quantity, unit in QUANTITIES.items()
     ]
     refused = "check_robot against from_urdf"
-    rows.append(Row(table=refused, row=name, column="disagreements", unit="", ours=tally.disagreements, reference=0))
+    rows.append(
+        Row(
+            table=refused,
+            row=name,
+            column="disagreements",
+            unit="",
+            ours=tally.disagreements,
+            reference=0,
+            source="goal",
+        )
+    )
     rows += [
         Row(table="refused chains", row=name, column=reason, unit="", ours=count)
         for reason, count in tally.refusals.most_common()

@@ -32,7 +32,7 @@ def random_body(rng: np.random.Generator) -> Body:
 
 
 def random_robot(seed: int) -> RandomRobot:
-    """Return a chain of 5 to 10 joints, three of which move at least, with side branches on some of its links.
+    """Return a chain of 5 to 10 joints with side branches on some of its links; three joints move at least.
 
     Some links are called base and tool, some joints mimic one that is frozen, and some origins are quaternions.
     """
@@ -71,7 +71,7 @@ def freeze(robot: RandomRobot, name: str, rng: np.random.Generator) -> str:
 
 
 def branch(robot: RandomRobot, number: int, parent: str, rng: np.random.Generator) -> list[str]:
-    """Return one link or two off the chain, the joints of which are frozen at 0 or, by name, elsewhere."""
+    """Return one link or two off the chain; their joints are frozen at 0 or, by name, elsewhere."""
     parts = []
     for step in range(rng.integers(1, 3)):
         child, name, inside = f"side{number}_{step}", f"s{number}_{step}", ""

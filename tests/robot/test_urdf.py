@@ -49,7 +49,7 @@ def check_random_robot(folder: Path, seed: int) -> None:
             agree_with_pinocchio(file, Arm.from_urdf(file, **options), base or robot.links[0], fixed, seed)
 
 
-@settings(max_examples=15)
+@settings(max_examples=8)
 @given(seed=st.integers(0, 10**9))
 def test_every_link_and_torque_of_random_chains_is_that_of_pinocchio(tmp_path_factory, seed):
     check_random_robot(tmp_path_factory.getbasetemp(), seed)
@@ -73,7 +73,7 @@ def test_chains_of_the_repositorys_robots_are_those_that_pinocchio_reads(file):
     compare_file(file, tally, np.random.default_rng(1), leaves=3, pairs=6)
     assert tally.chains >= 4
     assert tally.disagreements == 0
-    assert set(tally.refusals) <= {"a joint that moves wanted between  and , got none"}
+    assert all(reason.startswith("a joint that moves wanted") for reason in tally.refusals)
     assert max(tally.errors.values()) <= 1e-12, tally.worst
 
 

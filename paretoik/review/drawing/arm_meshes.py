@@ -33,8 +33,8 @@ class ArmMeshes:
     def log(self, recording: rr.RecordingStream, scene: str) -> None:
         """Log the meshes, and where they stand in the view at entity ``scene``."""
         self.tree.log_urdf_to_recording(recording=recording)
-        children = {joint.child_link for joint in self.tree.joints()}
-        root = next(link for link, frame in self.arm.frames.items() if frame.link < 0 and link not in children)
+        joints = self.tree.joints()
+        (root,) = {joint.parent_link for joint in joints} - {joint.child_link for joint in joints}
         mount = self.arm.base @ self.arm.frames[root].pose
         transform = _transform(mount, f"tf#/{scene}", self.root + root)
         recording.log(f"{self.root}_joints/mount", transform, static=True)
