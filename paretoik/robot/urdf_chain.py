@@ -140,12 +140,12 @@ def _check_fixed(source: str, joints: Sequence[JointDescription], fixed: Mapping
 
 def _leader(robot: RobotDescription, joint: JointDescription, fixed: Collection[str]) -> tuple[str, float, float]:
     """Return the joint that a joint follows in the end, itself if it mimics none, with multiplier and offset."""
-    multiplier, offset = 1.0, 0.0
-    while joint.mimic and joint.name not in fixed:
-        name, next_multiplier, next_offset = joint.mimic
-        multiplier, offset = multiplier * next_multiplier, offset + multiplier * next_offset
-        joint = robot.joints[name]
-    return joint.name, multiplier, offset
+    name, multiplier, offset = joint.name, 1.0, 0.0
+    passed = set[str]()
+    while name in robot.joints and name not in fixed and name not in passed and (mimic := robot.joints[name].mimic):
+        passed.add(name)
+        name, multiplier, offset = mimic[0], multiplier * mimic[1], offset + multiplier * mimic[2]
+    return name, multiplier, offset
 
 
 def _sort_faults(

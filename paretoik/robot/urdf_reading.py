@@ -67,7 +67,7 @@ def read_robot(file: Path) -> RobotDescription:
     }
     lines = {name: each.line for name, each in elements["joint"].items()}
     for name, fault in find_mimic_faults(joints, lines):
-        joints[name] = replace(joints[name], mimic=None, faults=(*joints[name].faults, fault))
+        joints[name] = replace(joints[name], faults=(*joints[name].faults, fault))
     if reader.with_friction:
         first = reader.with_friction[0]
         text = f"damping or friction of {len(reader.with_friction)} joints, from {first!r} on, is not modelled"

@@ -232,20 +232,29 @@ def test_faults_of_parts_off_the_chain_are_warnings_that_say_what_becomes_of_the
         joint("lens", "d", "camera", "fixed"),
     ]
     parts += [joint("ball", "c", "mast", "ball", ""), joint("rope", "mast", "flag", inside=away)]
+    parts += [
+        link("finger"),
+        link("thumb"),
+        joint("f", "d", "finger", inside=LIMIT + '<mimic joint="x" offset="0.2"/>'),
+    ]
+    parts += [joint("t", "d", "thumb", inside=LIMIT + '<mimic joint="t" multiplier="2"/>')]
     file = write_urdf(*parts)
     arm, report = Arm.from_urdf(file, tip="d"), check_robot(file, tip="d")
     assert report.faults == ()
     assert {*arm.notices} <= {*report.warnings}
-    assert arm.bodies[2].mass == 1.0
+    assert arm.bodies[2].mass == 3.0  # with finger and thumb, without the camera
     assert "mast" in arm.frames
     assert "flag" not in arm.frames
+    assert "joint 'f': off the chain, frozen at 0.2 rad" in arm.notices
     for words in (
         "link 'camera': mass value must be a number, got 'heavy'; off the chain, left out",
         "joint 'ball': type must be one of",
+        "joint 'f': must mimic a joint of the robot, got 'x'; off the chain, frozen",
+        "joint 't': must mimic another joint, got itself; off the chain, frozen",
         "joint 'rope': origin xyz must be 3 numbers, got '0 0'; off the chain, with all that it carries, left out",
     ):
         assert any(words in warning for warning in report.warnings), words
-    for tip in ("camera", "mast", "flag"):
+    for tip in ("camera", "mast", "flag", "finger", "thumb"):
         assert check_robot(file, tip=tip).faults
         with pytest.raises(InvalidRobot):
             Arm.from_urdf(file, tip=tip)
