@@ -21,6 +21,7 @@ from .errors import Infeasible as Infeasible
 from .errors import InvalidInput as InvalidInput
 from .errors import ParetoikError as ParetoikError
 from .formulations.closed_loop import ClosedLoop as ClosedLoop
+from .formulations.control_step import ControlStep as ControlStep
 from .formulations.directional_maxima import DirectionalMaxima as DirectionalMaxima
 from .formulations.point_to_point import PointToPoint as PointToPoint
 from .formulations.posture import Posture as Posture

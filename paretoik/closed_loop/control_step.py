@@ -1,14 +1,20 @@
-"""One control step: where it begins, what it is to reach, how far it may go (Marcos et al. 2012, section 4.1)."""
+"""One control step: where it begins, what it is to reach, which genes make which step (Marcos et al. 2012, 4.1)."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float
 
+from paretoik.arrays import Genes
+from paretoik.closed_loop.objectives import Step
+from paretoik.closed_loop.workspace import OPTIONS
+from paretoik.errors import Infeasible
 from paretoik.robot.kinematics import link_nodes
 from paretoik.task.distances import clearance
+from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import task_errors
 
@@ -16,12 +22,12 @@ HISTORY = 3  # configurations before a step: enough for a jerk
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ControlStep:
-    """The step to sample ``sample`` of the path, before it is taken.
+class StepState:
+    """What is known before the step to sample ``sample`` of the path.
 
     ``history`` are the last joint positions, the present ones last; ``home`` are those in which the loop began;
-    ``lower`` and ``upper`` [rad, m] bound how far each joint may move; ``swept`` says that the whole step is to be
-    clear of obstacles, not its end alone, which then keeps a ``standoff`` [m].
+    ``lower`` and ``upper`` [rad, m] bound how far each joint may move. If ``swept``, the whole step must be clear of
+    obstacles, and its end keeps a ``standoff`` [m]; otherwise its end must be clear.
     """
 
     task: MotionTask
@@ -48,9 +54,124 @@ class ControlStep:
         """What the tool is to reach, as ``MotionTask.targets`` gives it."""
         return self.task.targets[self.sample]
 
+    @property
+    def bounded(self) -> bool:
+        """Whether any joint may only move so far."""
+        return bool(np.isfinite([self.lower, self.upper]).any())
+
     def linearise(self) -> tuple[Float[np.ndarray, " rows"], Float[np.ndarray, "rows dof"]]:
         """Return (Δx, J): the error of the tool before the step, and the Jacobian there (Eqs. 8 and 9)."""
         return task_errors(self.task.arm, self.task.tasks, self.previous, self.target)
+
+    @cached_property
+    def shortest_and_null_space(self) -> tuple[Float[np.ndarray, " dof"], Float[np.ndarray, "dof redundancy"]]:
+        """The shortest step that makes Δx, and the null space of the Jacobian.
+
+        Raises Infeasible if the arm is singular: no finite step makes every Δx there.
+        """
+        error, jacobian = self.linearise()
+        left, sizes, right = np.linalg.svd(jacobian)
+        if not sizes[-1] > OPTIONS.singular_ratio * sizes[0]:
+            raise Infeasible(
+                f"step {self.sample} ({self.task.times[self.sample]:.3g} s): a Jacobian of full rank wanted, the arm "
+                f"is singular there: its condition number is {sizes[0] / max(sizes[-1], 1e-300):.3g}"
+            )
+        shortest = right[: len(error)].T @ ((left.T @ error) / sizes)
+        return shortest, np.ascontiguousarray(right[len(error) :].T)
+
+    def decode(self, genes: Genes) -> Float[np.ndarray, "points dof"]:
+        """Return the joint positions after the steps of genes; NaN if the extended Jacobian is singular.
+
+        Genes are rows (J*, Δx*). With Δq = shortest + N y, the system of Eqs. 7, 12 and 13 leaves
+        J* N y = Δx* − J* shortest.
+        """
+        shortest, null_space = self.shortest_and_null_space
+        n, r = null_space.shape
+        rows = genes.reshape(len(genes), r, n + 1)
+        matrix, rhs = rows[..., :-1] @ null_space, rows[..., -1] - rows[..., :-1] @ shortest
+        singular = np.linalg.det(matrix) == 0
+        matrix[singular], rhs[singular] = np.eye(r), np.nan
+        base: np.ndarray = self.previous + shortest
+        return base + np.linalg.solve(matrix, rhs[..., None])[..., 0] @ null_space.T
+
+    def shorten(self, q: Float[np.ndarray, "points dof"]) -> Float[np.ndarray, "points dof"]:
+        """Return steps with no more self-motion than keeps every joint within its bounds.
+
+        What the step to the target itself takes is not shortened.
+        """
+        shortest, _ = self.shortest_and_null_space
+        self_motion = np.nan_to_num(q - self.previous - shortest)
+        outside = (shortest + self_motion < self.lower) | (shortest + self_motion > self.upper)
+        bound = np.where(self_motion > 0, self.upper, self.lower)
+        share = (bound - shortest) / np.where(outside & (self_motion != 0), self_motion, 1.0)
+        scale = np.where(outside, np.clip(share, 0.0, 1.0), 1.0).min(axis=1, keepdims=True)
+        return np.where(scale < 1, self.previous + shortest + scale * self_motion, q)
+
+    def motions(self, q: Float[np.ndarray, "points dof"]) -> Motion:
+        """Return the motions (points, 4, dof) that end with steps to joint positions."""
+        before = np.broadcast_to(self.history, (len(q), *self.history.shape))
+        return self.ending.motion(np.concatenate([before, q[:, None]], axis=1))
+
+    @cached_property
+    def ending(self) -> MotionTask:
+        """The task of ``motions``: the tool's target is that of the step."""
+        return self.task.standing(self.dt * np.arange(HISTORY + 1), self.sample)
+
+    def steps(self, q: Float[np.ndarray, "points dof"]) -> Step:
+        """Return steps to joint positions, as objectives take them."""
+        motions = self.motions(q)
+        error = task_errors(self.task.arm, self.task.tasks, motions.q, self.target)[0]
+        rotations = rotation_rows(self.task)
+        return Step(
+            motion=motions,
+            home=self.home,
+            position_error=error[..., ~rotations],
+            rotation_error=error[..., rotations],
+            dt=self.dt,
+        )
+
+    def is_admissible(self, q: Float[np.ndarray, "points dof"]) -> Bool[np.ndarray, " points"]:
+        """Return which steps keep within their bounds and clear of obstacles."""
+        return (self.excess_over_bounds(q) <= 0) & (self.clearance_left(q) > 0)
+
+    def excess_over_bounds(self, q: Float[np.ndarray, "points dof"]) -> Float[np.ndarray, " points"]:
+        """Return by how much [rad, m] steps exceed how far joints may move; not positive if they do not."""
+        moved = q - self.previous
+        return np.maximum(moved - self.upper, self.lower - moved).max(axis=1) - OPTIONS.bound_tolerance
+
+    def clearance_left(self, q: Float[np.ndarray, "points dof"]) -> Float[np.ndarray, " points"]:
+        """Return by how much [m] steps are clear of obstacles; positive if they are proven to be.
+
+        If the whole step must be clear, it is halved until no point of the arm moves farther in an interval than the
+        arm is away from obstacles at both ends of it, in sum. What is too near for that counts as not clear.
+        """
+        end = self.excess_clearances(q)
+        left = end - self.standoff
+        if not self.swept:
+            return left
+        moved = q - self.previous
+        travel, width = np.abs(moved) @ reach_by_joint(self.task), 1.0
+        index, begin = np.arange(len(q)), np.zeros(len(q))
+        low, high = self.excess_clearances(self.previous[None]).repeat(len(q)), end
+        while True:
+            spare = low + high - travel[index] * width
+            waiting = (left[index] > 0) & (spare <= 0)
+            if width <= OPTIONS.shortest_interval:
+                np.minimum.at(left, index[waiting], spare[waiting])
+                return left
+            index, begin, low, high = index[waiting], begin[waiting], low[waiting], high[waiting]
+            if not index.size:
+                return left
+            width /= 2
+            middle = self.excess_clearances(self.previous + (begin + width)[:, None] * moved[index])
+            blocked = middle <= 0
+            np.minimum.at(left, index[blocked], middle[blocked])
+            index, begin = np.tile(index, 2), np.concatenate([begin, begin + width])
+            low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
+
+    def excess_clearances(self, q: Float[np.ndarray, "points dof"]) -> Float[np.ndarray, " points"]:
+        """Return by how much [m] configurations exceed the required clearance; inf without obstacles."""
+        return excess_clearance(self.task, q)
 
 
 def rotation_rows(task: MotionTask) -> Bool[np.ndarray, " rows"]:
@@ -72,11 +193,11 @@ def reach_by_joint(task: MotionTask) -> Float[np.ndarray, " dof"]:
     return np.where(slides, 1.0, lengths)
 
 
-def excess_clearance(task: MotionTask, q: Float[np.ndarray, " dof"]) -> float:
-    """Return by how much [m] a configuration exceeds the required clearance from the obstacles; inf without any."""
+def excess_clearance(task: MotionTask, q: Float[np.ndarray, "*batch dof"]) -> Float[np.ndarray, "*batch"]:
+    """Return by how much [m] configurations exceed the required clearance from obstacles; inf without any."""
     if not task.obstacles:
-        return np.inf
-    return float(clearance(task.obstacles, link_nodes(task.arm, q), task.link_radius)) - task.min_clearance
+        return np.full(q.shape[:-1], np.inf)
+    return np.asarray(clearance(task.obstacles, link_nodes(task.arm, q), task.link_radius) - task.min_clearance)
 
 
 def describe_nearest_obstacle(task: MotionTask, q: Float[np.ndarray, " dof"]) -> str:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.closed_loop.control_step import ControlStep, reach_by_joint
+from paretoik.closed_loop.control_step import StepState, reach_by_joint
 from paretoik.closed_loop.loop import required_standoff, step_limits
 from paretoik.closed_loop.null_space_steps import PlanarSteps
 from paretoik.closed_loop.obstacle_tables import tabulate, tabulate_balls
@@ -82,7 +82,7 @@ def exact_steps(
     return q
 
 
-def exact_step(step: ControlStep, *, weight: float, options: ExactStepOptions = OPTIONS) -> Float[np.ndarray, " dof"]:
+def exact_step(step: StepState, *, weight: float, options: ExactStepOptions = OPTIONS) -> Float[np.ndarray, " dof"]:
     """Return the joint positions after the best of all admissible steps; as ``exact_steps``, and raises as it does."""
     from paretoik.closed_loop.exact_step import best_steps  # here: numba takes its time
 

@@ -11,7 +11,7 @@ from jaxtyping import Float, Int
 from paretoik.arrays import Objectives
 from paretoik.closed_loop.control_step import (
     HISTORY,
-    ControlStep,
+    StepState,
     describe_nearest_obstacle,
     excess_clearance,
     reach_by_joint,
@@ -44,7 +44,7 @@ class StepRecord:
 
 def take_steps(
     search: StepEvolution,
-    make_step: Callable[[int, Float[np.ndarray, "history dof"]], ControlStep],
+    make_step: Callable[[int, Float[np.ndarray, "history dof"]], StepState],
     *,
     start: Float[np.ndarray, " dof"],
     weights: Float[np.ndarray, " n_obj"],
@@ -98,6 +98,28 @@ def required_standoff(task: MotionTask, longest: float, options: EngineOptions =
     return options.shortest_interval * longest * float(reach_by_joint(task).sum())
 
 
+def state_before(
+    task: MotionTask,
+    sample: int,
+    history: Float[np.ndarray, "history dof"],
+    *,
+    home: Float[np.ndarray, " dof"],
+    longest: float,
+) -> StepState:
+    """Return what is known before the step to a sample, after these joint positions."""
+    bounds = step_bounds(task, sample, history[-1], longest)
+    return StepState(
+        task=task,
+        sample=sample,
+        history=history,
+        home=home,
+        lower=bounds[:, 0].copy(),
+        upper=bounds[:, 1].copy(),
+        swept=bool(np.isfinite(longest)),
+        standoff=required_standoff(task, longest),
+    )
+
+
 def nondominated(population: Population) -> Population:
     """Return the non-dominated points, in order of the first objective."""
     index = nondominated_rows(population.F)
@@ -121,7 +143,7 @@ def choose(F: Objectives, weights: Float[np.ndarray, " n_obj"]) -> int:
     return int(np.argmin(z @ weights))  # Eq. 20
 
 
-def _explain_no_step(step: ControlStep) -> str:
+def _explain_no_step(step: StepState) -> str:
     task = step.task
     reason = f"step {step.sample} ({task.times[step.sample]:.3g} s): a free configuration wanted, none found"
     share, limited = _reachable_share(step)
@@ -130,11 +152,11 @@ def _explain_no_step(step: ControlStep) -> str:
         return f"{reason}; joints would have to move at least {1 / share:.3g} times as far as they may: {joints}"
     if not task.obstacles:
         return f"{reason}, though joints may move far enough; a larger population or longest_step may find one"
-    distance = excess_clearance(task, step.previous)
+    distance = float(excess_clearance(task, step.previous))
     return f"{reason}; the arm is {distance:.3g} m from {describe_nearest_obstacle(task, step.previous)}"
 
 
-def _reachable_share(step: ControlStep, *, farthest: float = 1e3) -> tuple[float, Int[np.ndarray, " joints"]]:
+def _reachable_share(step: StepState, *, farthest: float = 1e3) -> tuple[float, Int[np.ndarray, " joints"]]:
     """Return the most of Δx that joints within their bounds make, as a share, by a linear program (Eq. 8).
 
     Also which joints are at their bounds then. Bounds beyond ``farthest`` [rad, m] count as that.

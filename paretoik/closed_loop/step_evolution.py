@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import Genes, Objectives
-from paretoik.closed_loop.control_step import ControlStep
+from paretoik.closed_loop.control_step import StepState
 from paretoik.closed_loop.programs import ORDERS, StepPrograms
 from paretoik.closed_loop.workspace import (
     OPTIONS,
@@ -20,7 +20,6 @@ from paretoik.closed_loop.workspace import (
     Workspace,
     allocate,
 )
-from paretoik.errors import Infeasible
 from paretoik.journal import is_journalled, key_of, remembered
 
 
@@ -72,23 +71,23 @@ class StepEvolution:
         self._objectives = ObjectiveProgram(programs.objectives.arrays, programs.orders)
         self._nodes = programs.nodes.arrays
 
-    def __call__(self, step: ControlStep) -> Population:
+    def __call__(self, step: StepState) -> Population:
         """Search a step; the same seed and step give the same population.
 
         Raises Infeasible as ``start_and_constraints`` does.
         """
         return self._search(step, recorded=0)[0]
 
-    def with_generations(self, step: ControlStep) -> tuple[Population, Generations]:
+    def with_generations(self, step: StepState) -> tuple[Population, Generations]:
         """Search a step and return the population with all generations that led to it; raises as a call does."""
-        population, history, start = self._search(step, recorded=self.generations + 1)
+        population, history = self._search(step, recorded=self.generations + 1)
         F = np.where(np.isfinite(history.F).all(axis=2, keepdims=True), history.F, np.nan)
         alive = np.isfinite(F).all(axis=2)
         q = np.full((*alive.shape, self.dof), np.nan)
-        q[alive] = _decode(history.genes[alive], start)
+        q[alive] = step.decode(history.genes[alive])
         return population, Generations(F=F[:, :, : self.objectives], q=q)
 
-    def _search(self, step: ControlStep, *, recorded: int) -> tuple[Population, KeptGenerations, StepStart]:
+    def _search(self, step: StepState, *, recorded: int) -> tuple[Population, KeptGenerations]:
         start, constraints = self.start_and_constraints(step)
         w = self.workspace
         before = w.genes[w.order] if self.warm_start and self._has_searched else None
@@ -101,10 +100,10 @@ class StepEvolution:
         F = values["F"]
         genes = values["genes"][: len(F)]
         history = KeptGenerations(values["generation_genes"], values["generation_F"])
-        return Population(genes=genes, F=F, q=_decode(genes, start)), history, start
+        return Population(genes=genes, F=F, q=step.decode(genes)), history
 
     def _search_anew(
-        self, step: ControlStep, start: StepStart, constraints: StepConstraints, warm_start: bool, recorded: int
+        self, step: StepState, start: StepStart, constraints: StepConstraints, warm_start: bool, recorded: int
     ) -> dict[str, np.ndarray]:
         """Return all genes, those that did not fail first, the objectives of these, and the generations recorded."""
         from paretoik.closed_loop.engine import search  # here: numba takes its time
@@ -118,23 +117,15 @@ class StepEvolution:
         F = w.F[: self.objectives, :alive].T.copy()
         return {"genes": w.genes[w.order], "F": F, "generation_genes": history.genes, "generation_F": history.F}
 
-    def start_and_constraints(self, step: ControlStep) -> tuple[StepStart, StepConstraints]:
+    def start_and_constraints(self, step: StepState) -> tuple[StepStart, StepConstraints]:
         """Return where a step begins and what it must keep, as the engine takes them.
 
-        Raises Infeasible where the arm is singular: no finite step makes every Δx there.
+        Raises Infeasible if the arm is singular.
         """
         task, dt = step.task, step.dt
-        error, jacobian = step.linearise()
-        left, sizes, right = np.linalg.svd(jacobian)
-        if not sizes[-1] > self.options.singular_ratio * sizes[0]:
-            raise Infeasible(
-                f"step {step.sample} ({task.times[step.sample]:.3g} s): a Jacobian of full rank wanted, the arm "
-                f"is singular there: its condition number is {sizes[0] / max(sizes[-1], 1e-300):.3g}"
-            )
-        particular = right[: len(error)].T @ ((left.T @ error) / sizes)
-        null_space = np.ascontiguousarray(right[len(error) :].T)
+        shortest, null_space = step.shortest_and_null_space
         rates = [np.diff(step.history, order, axis=0)[-1] / dt**order for order in (1, 2)]
-        start = StepStart(np.array(step.previous), particular, null_space, np.array([*rates, np.zeros(self.dof)]), dt)
+        start = StepStart(np.array(step.previous), shortest, null_space, np.array([*rates, np.zeros(self.dof)]), dt)
         constraints = StepConstraints(
             self._nodes,
             self.programs.obstacles,
@@ -143,17 +134,8 @@ class StepEvolution:
             self.programs.reach,
             np.array(step.lower),
             np.array(step.upper),
-            bool(np.isfinite([step.lower, step.upper]).any()),
+            step.bounded,
             step.swept,
             step.standoff,
         )
         return start, constraints
-
-
-def _decode(genes: np.ndarray, start: StepStart) -> np.ndarray:
-    """Return the joint positions that genes stand for (Eqs. 7, 12 and 13)."""
-    n, r = start.null_space.shape
-    rows = genes.reshape(len(genes), r, n + 1)
-    matrix, rhs = rows[..., :-1] @ start.null_space, rows[..., -1] - rows[..., :-1] @ start.particular
-    particular: np.ndarray = start.previous + start.particular
-    return particular + np.linalg.solve(matrix, rhs[..., None])[..., 0] @ start.null_space.T

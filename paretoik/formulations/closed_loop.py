@@ -6,13 +6,14 @@ import hashlib
 from collections.abc import Callable, Collection, Iterator, Sequence
 from copy import copy
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from paretoik.call_arguments import check_call
-from paretoik.closed_loop.control_step import HISTORY, ControlStep
-from paretoik.closed_loop.loop import StepRecord, required_standoff, step_bounds, take_steps
+from paretoik.closed_loop.control_step import HISTORY, StepState
+from paretoik.closed_loop.loop import StepRecord, state_before, take_steps
 from paretoik.closed_loop.objectives import StepObjective, joint_displacement, position_error
 from paretoik.closed_loop.open_loop import search_start
 from paretoik.closed_loop.programs import StepPrograms, trace_step
@@ -28,7 +29,8 @@ from paretoik.formulations.closed_loop_arguments import (
     normalise_weights,
 )
 from paretoik.formulations.closed_loop_result import ClosedLoopRun, explain_choice, mean_position_error
-from paretoik.formulations.problem_text import loop_text
+from paretoik.formulations.control_step import ControlStep
+from paretoik.formulations.formulation import loop_text
 from paretoik.formulations.protocol import Timeline
 from paretoik.front.front import Choice, Front, Preference
 from paretoik.front.preferences import Weights
@@ -44,6 +46,7 @@ from paretoik.task.path import Path
 from paretoik.task.task import Task
 
 DIGEST_INTERVAL = 100  # steps from one digest of the state to the next
+ASKED_BY_PYMOO = ("vars", "vtype", "xl", "xu", "bounds", "has_bounds", "n_ieq_constr", "n_eq_constr", "evaluate")
 
 
 @check_call
@@ -112,6 +115,7 @@ class ClosedLoop:
         self.signs = np.array([each.sign for each in self.objectives])
         self.n_obj = len(self.objectives)
         check_limits(limits, supported=("position", "velocity", "clearance"), where="in a closed loop")
+        self.limits = limits
         self.task = motion_task(
             arm,
             path,
@@ -184,26 +188,45 @@ class ClosedLoop:
         """Number of genes in a step's search."""
         return self.task.redundancy * (self.task.arm.dof + 1)
 
+    def __getattr__(self, name: str) -> Any:
+        """Raise InvalidInput for what pymoo asks a problem for: a loop is a search at every step, not one."""
+        if name in ASKED_BY_PYMOO:
+            raise InvalidInput(
+                "problem must be one search, got a ClosedLoop: pk.solve(loop) follows it, loop.control_step(k) is the "
+                "pymoo problem of step k"
+            )
+        raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+
     @cached_property
     def programs(self) -> StepPrograms:
         """The evaluators of a step's objectives and of the arm's distance to obstacles."""
         times = self.task.times
         return trace_step(self.task, self.objectives, float(times[1] - times[0]))
 
-    def control_step(self, sample: int, history: Float[np.ndarray, "history dof"] | None = None) -> ControlStep:
-        """Return the step to a sample after these joint positions; at rest in the start if None."""
-        before = np.tile(self.start, (HISTORY, 1)) if history is None else history
-        bounds = step_bounds(self.task, sample, before[-1], self.longest)
+    def control_step(self, sample: int, history: np.ndarray | None = None) -> ControlStep:
+        """Return the search of the step to a sample, as a pymoo problem.
+
+        ``history`` (rows, dof) are the joint positions before it, the present ones last; at rest in the start if None.
+        Raises InvalidInput and Infeasible as ``ControlStep`` does.
+        """
+        task = self.task
         return ControlStep(
-            task=self.task,
+            task.arm,
+            task.tasks,
+            self.start if history is None else history,
             sample=sample,
-            history=before,
             home=self.start,
-            lower=bounds[:, 0].copy(),
-            upper=bounds[:, 1].copy(),
-            swept=bool(np.isfinite(self.longest)),
-            standoff=required_standoff(self.task, self.longest),
+            objectives=self.objectives,
+            obstacles=task.obstacles,
+            link_radius=task.link_radius,
+            limits=self.limits,
+            longest_step=self.longest,
         )
+
+    def step_state(self, sample: int, history: Float[np.ndarray, "history dof"] | None = None) -> StepState:
+        """Return what is known before the step to a sample; ``history`` as for ``control_step``."""
+        before = np.tile(self.start, (HISTORY, 1)) if history is None else history
+        return state_before(self.task, sample, before, home=self.start, longest=self.longest)
 
     def step_evolution(self) -> StepEvolution:
         """Return the compiled search of its steps; one a thread."""
@@ -222,13 +245,13 @@ class ClosedLoop:
         """Search for the start and compile the search, so that the first step takes no longer than the others."""
         search = self.step_evolution()
         search.generations = 1
-        search(self.control_step(1))
+        search(self.step_state(1))
 
     def steps(self, record_steps: Collection[int] = ()) -> Iterator[StepRecord]:
         """Take one step after the other; ``record_steps`` as for ``run``, raises as ``take_steps`` does."""
         return take_steps(
             self.step_evolution(),
-            self.control_step,
+            self.step_state,
             start=self.start,
             weights=self.weights,
             samples=len(self.task.times),

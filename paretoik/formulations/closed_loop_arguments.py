@@ -88,19 +88,21 @@ def check_steps(record_steps: Sequence[int], last: int) -> frozenset[int]:
     return frozenset(int(step) for step in record_steps)
 
 
-def check_start(task: MotionTask, start: Sequence[float] | np.ndarray) -> Float[np.ndarray, " dof"]:
-    """Return joint positions to begin in. Raises InvalidInput where they exceed a limit or meet an obstacle."""
-    q: np.ndarray = finite_array("start", start, shape=(task.arm.dof,))
+def check_start(
+    task: MotionTask, start: Sequence[float] | np.ndarray, *, name: str = "start"
+) -> Float[np.ndarray, " dof"]:
+    """Return joint positions to begin in. Raises InvalidInput if they exceed a limit or meet an obstacle."""
+    q: np.ndarray = finite_array(name, start, shape=(task.arm.dof,))
     lower, upper = task.arm.position_limits.T
     tolerance = OPTIONS.bound_tolerance
     outside = np.flatnonzero((q < lower - tolerance) | (q > upper + tolerance))
     if outside.size:
         k = int(outside[0])
         raise InvalidInput(
-            f"start: {task.arm.joint_names[k]} must lie within {lower[k]:.6g} to {upper[k]:.6g}, got {q[k]:.6g}"
+            f"{name}: {task.arm.joint_names[k]} must lie within {lower[k]:.6g} to {upper[k]:.6g}, got {q[k]:.6g}"
         )
-    distance = excess_clearance(task, q)
+    distance = float(excess_clearance(task, q))
     if distance <= 0:
         nearest = describe_nearest_obstacle(task, q)
-        raise InvalidInput(f"start: must be clear of obstacles, got {distance:.3g} m from {nearest}")
+        raise InvalidInput(f"{name}: must be clear of obstacles, got {distance:.3g} m from {nearest}")
     return q

@@ -6,28 +6,26 @@ from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float
-from pymoo.core.problem import Problem
 
 from paretoik.arrays import Genes, Points, Values
 from paretoik.capability.actuation import Actuation, DistributedActuation
 from paretoik.errors import InvalidInput
+from paretoik.formulations.formulation import Formulation
 from paretoik.formulations.interpolation import possible_values
 from paretoik.formulations.navigation import navigate, predict
-from paretoik.formulations.problem_text import problem_text
 from paretoik.formulations.protocol import Individuals, decode
 from paretoik.front.front import Front
 from paretoik.nlp.program import Program, Solver
 from paretoik.pareto.cold_search import OPTIONS as COLD
 from paretoik.pareto.cold_search import StartSearch
 from paretoik.pareto.scalarisation import Observe
-from paretoik.tables import html_representation
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 
 OBJECTIVE_TOLERANCE = 1e-6  # of an objective's size over all points: what genes may miss it by
 
 
-class DenseFormulation(Problem):  # type: ignore[misc]  # pymoo is not typed
+class DenseFormulation(Formulation):
     """A pymoo problem with a ``DenseProgram``: the first gene is a place among ``base_count`` bases.
 
     Subclasses define ``program``, ``points``, ``genes`` and ``sample_starts`` of ``Differentiable``. ``functions`` are
@@ -42,9 +40,6 @@ class DenseFormulation(Problem):  # type: ignore[misc]  # pymoo is not typed
     functions: MotionTask
     navigate = navigate
     predict = predict
-
-    __repr__ = __str__ = problem_text  # pymoo has a text of its own
-    _repr_html_ = html_representation
 
     def add_functions(self, task: MotionTask) -> None:
         """Add users' functions, the objectives and constraints of a task, to those that there are by name.

@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from pymoo.core.problem import Problem
 
 from paretoik.arrays import Genes
 from paretoik.call_arguments import check_call
@@ -15,12 +14,11 @@ from paretoik.closed_loop.control_step import rotation_rows
 from paretoik.closed_loop.open_loop import posture_bounds
 from paretoik.errors import InvalidInput
 from paretoik.formulations.closed_loop_arguments import check_limits
-from paretoik.formulations.problem_text import problem_text
+from paretoik.formulations.formulation import Formulation
 from paretoik.inputs import read_list
 from paretoik.robot.arm import Arm
 from paretoik.search.nsga2 import MaxiMinNSGA2
 from paretoik.search.row_operators import elitist_algorithm
-from paretoik.tables import html_representation
 from paretoik.task.evaluation import evaluate_motions, examine_functions
 from paretoik.task.limits import Constraint, Limits
 from paretoik.task.motion import Motion
@@ -34,7 +32,7 @@ from paretoik.trajectory.infeasibility import explain_violation
 
 
 @check_call
-class Posture(Problem):  # type: ignore[misc]  # pymoo is not typed
+class Posture(Formulation):
     """Search joint positions whose tool is where a path begins, clear of obstacles: a vectorised pymoo problem.
 
     The objective is ``position_error`` [m], the distance of the tool from its target (Eqs. 18, 21, 22); where a task
@@ -65,9 +63,6 @@ class Posture(Problem):  # type: ignore[misc]  # pymoo is not typed
     InvalidInput
         Naming what cannot be used.
     """
-
-    __repr__ = __str__ = problem_text  # pymoo has a text of its own
-    _repr_html_ = html_representation
 
     def __init__(
         self,

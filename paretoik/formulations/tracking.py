@@ -12,16 +12,15 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Int
-from pymoo.core.problem import Problem
 
 from paretoik.arrays import Genes, Values
 from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
 from paretoik.formulations.base_motions import choose_bases, positions_on_path, sample_rollouts
 from paretoik.formulations.encoding import Encoding, choose_coefficients, encoding
+from paretoik.formulations.formulation import Formulation, tracking_text
 from paretoik.formulations.interpolation import values_between
 from paretoik.formulations.navigation import navigate, predict
-from paretoik.formulations.problem_text import tracking_text
 from paretoik.formulations.protocol import Individuals
 from paretoik.front.front import Front
 from paretoik.inputs import check_seed, check_size
@@ -32,7 +31,6 @@ from paretoik.search.nsga2 import MaxiMinNSGA2
 from paretoik.search.smooth_operators import Differential, SmoothMutation
 from paretoik.self_motion.branches import branch_labels
 from paretoik.stop_flag import STOP
-from paretoik.tables import html_representation
 from paretoik.task.differences import Differences
 from paretoik.task.evaluation import evaluate_motions, examine_functions
 from paretoik.task.limits import Constraint, Limits
@@ -64,7 +62,7 @@ OPTIONS = TrackingOptions()
 
 
 @check_call
-class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
+class Tracking(Formulation):
     """Follow ``path`` with ``arm``, trading ``objectives`` against each other: a vectorised pymoo problem.
 
     Parameters
@@ -108,7 +106,6 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
     predict = predict
 
     __repr__ = __str__ = tracking_text  # pymoo has a text of its own
-    _repr_html_ = html_representation
 
     def __init__(
         self,

@@ -15,19 +15,17 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 from jaxtyping import Float, Int
-from pymoo.core.problem import Problem
 
 from paretoik.arrays import Genes
 from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
-from paretoik.formulations.problem_text import problem_text
+from paretoik.formulations.formulation import Formulation
 from paretoik.inputs import ArrayLike, check_choice, check_seed, check_size, finite_array, positive_number, shown
 from paretoik.resolution.measures import limit_margin, speed_ratio, tracking_error
 from paretoik.resolution.method import Method, Parameter
 from paretoik.resolution.traces import ResolvedMotion
 from paretoik.robot.arm import Arm
 from paretoik.self_motion.start_postures import order_by_neighbour, reach_error, sample_postures, wrap_difference
-from paretoik.tables import html_representation
 from paretoik.task.limits import Constraint
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.motion_task_validation import motion_task
@@ -53,7 +51,7 @@ OPTIONS = TuningOptions()
 
 
 @check_call
-class Tuning(Problem):  # type: ignore[misc]  # pymoo is not typed
+class Tuning(Formulation):
     """Find the numbers of a method along ``path``: a vectorised pymoo problem.
 
     Parameters
@@ -96,9 +94,6 @@ class Tuning(Problem):  # type: ignore[misc]  # pymoo is not typed
     """
 
     computed_attributes = ("starts",)
-
-    __repr__ = __str__ = problem_text  # pymoo has a text of its own
-    _repr_html_ = html_representation
 
     def __init__(
         self,

@@ -79,6 +79,18 @@ class ReplaceOne(Mutation):  # type: ignore[misc]  # pymoo has no types
         return made
 
 
+class BinaryTournament(Selection):  # type: ignore[misc]  # pymoo has no types
+    """Of two individuals drawn with repetition the better: by rank, then by insertion distance, then by chance."""
+
+    def _do(self, problem: Any, pop: Any, *shape: int, random_state: np.random.Generator, **kwargs: Any) -> Integers:
+        rank = np.array([individual.data["rank"] for individual in pop])
+        distance = np.array([individual.data["insertion_distance"] for individual in pop])
+        first, second = random_state.integers(len(pop), size=(2, *shape))
+        better = (rank[first] < rank[second]) | ((rank[first] == rank[second]) & (distance[first] >= distance[second]))
+        chosen: Integers = np.where(better, first, second)
+        return chosen
+
+
 class RankWeighting(Selection):  # type: ignore[misc]  # pymoo has no types
     """Of a single objective: the k-th best of N is drawn with chance 2 (N − k + 1) / (N (N + 1)).
 

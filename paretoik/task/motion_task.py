@@ -122,10 +122,10 @@ class MotionTask:
         bounds = {kind: limits if len(limits) == 1 else limits[index] for kind, limits in self.bounds.items()}
         return replace(self, tasks=tasks, bounds=bounds)
 
-    def standing(self, times: Times) -> MotionTask:
-        """Return the task of a tool that stays where it is at the first sample, at other times; not cyclic."""
-        tasks = tuple(replace(task, path=task.path.standing(times)) for task in self.tasks)
-        bounds = {kind: limits[:1] for kind, limits in self.bounds.items()}
+    def standing(self, times: Times, sample: int = 0) -> MotionTask:
+        """Return the task of a tool that stays where it is at a sample, at other times; not cyclic."""
+        tasks = tuple(replace(task, path=task.path.standing(times, sample)) for task in self.tasks)
+        bounds = {kind: limits[min(sample, len(limits) - 1), None] for kind, limits in self.bounds.items()}
         return replace(self, tasks=tasks, bounds=bounds, cyclic=False)
 
     def resample(self, samples: int) -> MotionTask:

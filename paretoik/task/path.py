@@ -139,13 +139,13 @@ class Path:
             raise InvalidInput(f"samples: must be at most the path's own {self.samples}, got {samples}")
         return self._select(np.arange(samples))
 
-    def standing(self, times: Times) -> Path:
-        """Return the path of a tool that stays where this one begins, at other times (time,) [s]."""
+    def standing(self, times: Times, sample: int = 0) -> Path:
+        """Return the path of a tool that stays where this one is at a sample, at other times (time,) [s]."""
         instants = finite_array("path times", times)
         if instants.ndim != 1:
             raise InvalidInput(f"path times: must be one row of numbers, got shape {instants.shape}")
-        quaternion = None if self.quaternions is None else self.quaternions[0]
-        start = self.positions[0]
+        quaternion = None if self.quaternions is None else self.quaternions[sample]
+        start = self.positions[sample]
         return sample_curve(Line(start, np.zeros_like(start), quaternion, np.zeros(3)), instants)
 
     def _select(self, index: np.ndarray) -> Path:

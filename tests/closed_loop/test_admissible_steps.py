@@ -1,33 +1,26 @@
 import numpy as np
 
 from paretoik.closed_loop.admissible_steps import clearance_at_start, find_inadmissible
-from paretoik.closed_loop.extended_jacobian import decode
-from studies.benchmarks.closed_loop.step_problem import StepProblem, excess_clearances
 from tests.closed_loop.postures import near_obstacle
 
 
 def test_engine_and_problem_agree_on_which_steps_are_admissible():
     count = 400
     loop = near_obstacle(population=count)
-    step, search = loop.control_step(1), loop.step_evolution()
-    problem, (start, constraints), w = (
-        StepProblem(step, loop.objectives),
-        search.start_and_constraints(step),
-        search.workspace,
-    )
-    genes = problem.shorten(np.random.default_rng(0).uniform(-1, 1, size=(count, problem.n_var)))
-    admissible = problem.is_admissible(genes)
+    step, search = loop.step_state(1), loop.step_evolution()
+    problem, (start, constraints), w = loop.control_step(1), search.start_and_constraints(step), search.workspace
+    genes = np.random.default_rng(0).uniform(-1, 1, size=(count, problem.n_var))
+    admissible = (problem.evaluate(genes, return_values_of=["G"]) <= 0).all(axis=1)
     assert 0.1 < admissible.mean() < 0.9
-    w.children[:], w.pending[:] = genes.T, np.arange(count)
+    w.inputs[: problem.task.arm.dof], w.pending[:] = problem.positions(genes).T, np.arange(count)
     clearance = clearance_at_start(start, constraints, w)
-    decode(w.children, count, start, w.linear_systems, w.inputs)
     rejected = find_inadmissible(count, start, constraints, clearance, search.options, w)
     assert sorted(w.pending[:rejected]) == np.flatnonzero(~admissible).tolist()
 
 
 def test_short_steps_keep_the_standoff_too():
     loop = near_obstacle(population=200)
-    step, search = loop.control_step(1), loop.step_evolution()
+    step, search = loop.step_state(1), loop.step_evolution()
     (start, constraints), w = search.start_and_constraints(step), search.workspace
     clearance = clearance_at_start(start, constraints, w)
     assert clearance > constraints.standoff > 0
@@ -36,6 +29,6 @@ def test_short_steps_keep_the_standoff_too():
     q = step.previous + moved
     w.inputs[:3], w.pending[:] = q.T, np.arange(200)
     rejected = find_inadmissible(200, start, closer, clearance, search.options, w)
-    expected = np.flatnonzero(excess_clearances(step, q) <= closer.standoff).tolist()
+    expected = np.flatnonzero(step.excess_clearances(q) <= closer.standoff).tolist()
     assert 0 < len(expected) < 200
     assert sorted(w.pending[:rejected].tolist()) == expected

@@ -15,7 +15,6 @@ from paretoik.front.indicators import hypervolume
 from paretoik.search.compiled import sorted_points
 from paretoik.search.maximin import survivors
 from problems import marcos_2012
-from studies.benchmarks.closed_loop.step_problem import StepProblem
 from tests.closed_loop.postures import posture
 
 
@@ -104,33 +103,34 @@ def loop(request):
 
 
 def test_objectives_of_a_search_are_those_of_its_genes(loop):
-    population = loop.step_evolution()(loop.control_step(1))
-    step = StepProblem(loop.control_step(1), loop.objectives)
-    np.testing.assert_allclose(step.decode(population.genes), population.q, atol=1e-9)
-    np.testing.assert_allclose(step.score(population.q), population.F, rtol=1e-7, atol=1e-12)
+    population = loop.step_evolution()(loop.step_state(1))
+    step = loop.control_step(1)
+    np.testing.assert_allclose(step.positions(population.genes), population.q, atol=1e-12)
+    F = step.evaluate(population.genes, return_values_of=["F"])
+    np.testing.assert_allclose(F, population.F, rtol=1e-7, atol=1e-12)
     assert np.abs(population.genes).max() <= 1.0
 
 
 def test_the_same_seed_and_step_give_the_same_bits(loop):
     search, other = loop.step_evolution(), loop.step_evolution()
-    first = search(loop.control_step(1))
-    search(loop.control_step(2))
-    for again in (search(loop.control_step(1)), other(loop.control_step(1))):
+    first = search(loop.step_state(1))
+    search(loop.step_state(2))
+    for again in (search(loop.step_state(1)), other(loop.step_state(1))):
         np.testing.assert_array_equal(again.genes, first.genes)
         np.testing.assert_array_equal(again.F, first.F)
-    assert not np.array_equal(search(loop.control_step(2)).genes, first.genes)
+    assert not np.array_equal(search(loop.step_state(2)).genes, first.genes)
 
 
 def test_kept_generations_lead_to_the_same_bits_and_each_is_that_of_a_shorter_search(loop):
     search, other = loop.step_evolution(), loop.step_evolution()
-    plain = other(loop.control_step(1))
-    population, kept = search.with_generations(loop.control_step(1))
+    plain = other(loop.step_state(1))
+    population, kept = search.with_generations(loop.step_state(1))
     np.testing.assert_array_equal(population.F, plain.F)
     np.testing.assert_array_equal(population.genes, plain.genes)
     assert kept.F.shape == (loop.generations + 1, loop.population, 2)
     for generations in (1, 7, loop.generations):
         other.generations = generations
-        shorter = other(loop.control_step(1))
+        shorter = other(loop.step_state(1))
         alive = np.isfinite(kept.F[generations]).all(axis=1)
         np.testing.assert_array_equal(kept.F[generations][alive], shorter.F)
         np.testing.assert_array_equal(kept.q[generations][alive], shorter.q)
@@ -141,7 +141,7 @@ def test_longer_searches_find_better_fronts(loop):
     search, volumes = loop.step_evolution(), []
     for generations in (2, 60):
         search.generations = generations
-        volumes.append(search(loop.control_step(1)).F)
+        volumes.append(search(loop.step_state(1)).F)
     corner = volumes[0].max(axis=0)
     assert hypervolume(volumes[1], corner) > hypervolume(volumes[0], corner)
     assert np.all(volumes[1].min(axis=0) <= volumes[0].min(axis=0))
@@ -154,21 +154,8 @@ def test_a_spatial_arm_and_three_objectives_run_through_the_same_engine():
     path = pk.line(where, where + np.array([0.0, 0.002, 0.001]), duration=0.01, samples=3, timing="uniform")
     objectives = [joint_displacement, position_error, pk.joint_limit_distance]
     closed_loop = ClosedLoop(arm, path, objectives=objectives, start=q, population=30, generations=10)
-    population = closed_loop.step_evolution()(closed_loop.control_step(1))
-    step = StepProblem(closed_loop.control_step(1), closed_loop.objectives)
-    np.testing.assert_allclose(step.decode(population.genes), population.q, atol=1e-8)
-    np.testing.assert_allclose(step.score(population.q), population.F, rtol=1e-6, atol=1e-10)
-
-
-def test_steps_that_are_too_long_are_shortened_alike_by_engine_and_problem():
-    loop = marcos_2012.loop(4, 0.7, start=posture(4), steps=4, population=40, generations=10)
-    step = StepProblem(loop.control_step(1), loop.objectives)
-    drawn = np.random.default_rng(0).uniform(-1, 1, size=(200, step.n_var))
-    assert not step.is_admissible(drawn).all()
-    short = step.shorten(drawn)
-    assert step.is_admissible(short).all()
-    near = step.is_admissible(drawn)
-    np.testing.assert_array_equal(short[near], drawn[near])
-    searched = loop.step_evolution()(loop.control_step(1))
-    assert np.abs(searched.q - loop.start).max() <= 0.1 * (1 + 1e-9)
-    np.testing.assert_allclose(step.decode(searched.genes), searched.q, atol=1e-9)
+    population = closed_loop.step_evolution()(closed_loop.step_state(1))
+    step = closed_loop.control_step(1)
+    np.testing.assert_allclose(step.positions(population.genes), population.q, atol=1e-12)
+    F = step.evaluate(population.genes, return_values_of=["F"])
+    np.testing.assert_allclose(F, population.F, rtol=1e-6, atol=1e-10)

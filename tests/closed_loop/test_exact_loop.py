@@ -21,7 +21,7 @@ def first_step(links, *, blocked=False):
 
 def brute_force(loop, weight, *, fine=200001):
     """Return the best first step of three links, of all on a line."""
-    step = loop.control_step(1)
+    step = loop.step_state(1)
     error, jacobian = step.linearise()
     null = np.linalg.svd(jacobian)[2][2]
     y = np.sinh(np.linspace(-12, 12, fine)) / np.sinh(12) * 3.0
@@ -51,7 +51,7 @@ def test_the_exact_step_is_the_best_of_all(weight):
 @pytest.mark.parametrize("blocked", [False, True])
 def test_no_step_of_four_links_is_better_than_the_exact_one(blocked):
     loop = first_step(4, blocked=blocked)
-    step = loop.control_step(1)
+    step = loop.step_state(1)
     error, jacobian = step.linearise()
     null = np.linalg.svd(jacobian)[2][2:].T
     rng = np.random.default_rng(0)
@@ -93,7 +93,7 @@ def test_a_loop_takes_the_steps_that_are_best_one_by_one_and_says_which_is_not_t
     q = exact_steps(loop.task.truncate(4), loop.start, weight=0.4, longest_step=loop.longest)
     history = np.tile(loop.start, (HISTORY, 1))
     for k in range(1, 4):
-        np.testing.assert_allclose(exact_step(loop.control_step(k, history), weight=0.4), q[k], atol=1e-12)
+        np.testing.assert_allclose(exact_step(loop.step_state(k, history), weight=0.4), q[k], atol=1e-12)
         history = np.concatenate([history[1:], q[k][None]])
     with pytest.raises(Infeasible, match="step 1: an admissible configuration wanted, there is none"):
         exact_steps(loop.task, loop.start, weight=0.4, longest_step=1e-3)

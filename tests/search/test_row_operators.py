@@ -4,8 +4,7 @@ from pymoo.core.individual import Individual
 from pymoo.core.population import Population
 from pymoo.core.problem import Problem
 
-from paretoik.search.row_operators import OneElite, RankWeighting, ReplaceOne, RowCrossover, Seeded
-from studies.benchmarks.closed_loop.step_problem import BinaryTournament
+from paretoik.search.row_operators import BinaryTournament, OneElite, RankWeighting, ReplaceOne, RowCrossover, Seeded
 
 
 class Box(Problem):

@@ -42,7 +42,7 @@ from studies.benchmarks.closed_loop.contestants import loop_of
 loop = loop_of(3)
 search = loop.step_evolution()
 begun = time.perf_counter()
-search(loop.control_step(1))
+search(loop.step_state(1))
 print(time.perf_counter() - begun)
 """
 
@@ -50,7 +50,7 @@ print(time.perf_counter() - begun)
 def speed_rows(links: Links, rounds: int, slow_generations: int) -> list[Row]:
     """Return microseconds a generation of everybody on the first step of an arm, ours beside each."""
     loop = loop_of(links)
-    step = loop.control_step(1)
+    step = loop.step_state(1)
     contestants: dict[str, tuple[Callable[[int, int], np.ndarray], int, int]] = {  # generations, searches a round
         "ours": (engine(loop, step), GENERATIONS, 10),
         "pymoo": (pymoo(loop, step, compiled=False), slow_generations, 1),

@@ -9,15 +9,15 @@ from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
+from pymoo.core.problem import Problem
 from pymoo.optimize import minimize
 
 from paretoik.autodiff.interpreter import run_first
-from paretoik.closed_loop.control_step import ControlStep
+from paretoik.closed_loop.control_step import StepState
 from paretoik.closed_loop.extended_jacobian import decode
 from paretoik.formulations.closed_loop import ClosedLoop
 from problems import marcos_2012
 from problems.marcos_2012 import Links
-from studies.benchmarks.closed_loop.step_problem import StepProblem
 
 GENERATIONS = 200
 PYGMO = find_spec("pygmo") is not None
@@ -38,24 +38,26 @@ def start_on_circle(loop: ClosedLoop) -> np.ndarray:
     """Return joint positions with the tool where the circle begins, from a bent arm by Newton's method."""
     q = np.linspace(0.3, 1.0, loop.task.arm.dof)
     for _ in range(50):
-        error, jacobian = loop.changed(start=q).control_step(1).linearise()
+        error, jacobian = loop.changed(start=q).step_state(1).linearise()
         error -= loop.task.targets[1] - loop.task.targets[0]
         q = q + np.linalg.pinv(jacobian) @ error
     return q
 
 
-class CompiledStepProblem(StepProblem):
-    """The same pymoo problem, its genes and objectives evaluated by the engine's compiled code, all at once."""
+class CompiledStepProblem(Problem):  # type: ignore[misc]  # pymoo is not typed
+    """A step without obstacles and bounds, its genes evaluated by the engine's compiled code, all at once."""
 
-    def __init__(self, loop: ClosedLoop, step: ControlStep) -> None:
-        super().__init__(step, loop.objectives)
+    def __init__(self, loop: ClosedLoop, step: StepState) -> None:
+        readable = loop.control_step(step.sample, step.history)
+        super().__init__(n_var=readable.n_var, n_obj=readable.n_obj, xl=readable.xl, xu=readable.xu)
+        self.algorithm = readable.algorithm
         self.search = loop.step_evolution()
         self.search(step)  # the inputs that are the same for all candidates are now in its workspace
         self.start, _ = self.search.start_and_constraints(step)
 
     def score_genes(self, X: np.ndarray) -> np.ndarray:
         """Return the objectives of genes."""
-        w, n = self.search.workspace, self.row - 1
+        w, n = self.search.workspace, len(self.start.previous)
         w.children[:, : len(X)] = X.T
         decode(w.children, len(X), self.start, w.linear_systems, w.inputs)
         for j in range(n):
@@ -64,19 +66,15 @@ class CompiledStepProblem(StepProblem):
         F: np.ndarray = w.outputs[:, : len(X)].T.copy()
         return np.where(np.isfinite(F).all(axis=1)[:, None], F, np.inf)
 
-    def is_admissible(self, genes: np.ndarray) -> Any:
-        """Return that every chromosome is: there are no obstacles and no bounds."""
-        return np.ones(len(genes), dtype=bool)
-
-    def shorten(self, genes: np.ndarray) -> np.ndarray:
-        """Return genes as they are."""
+    def redraw(self, genes: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """Return genes as they are: all are admissible."""
         return genes
 
     def _evaluate(self, X: np.ndarray, out: dict[str, object], *args: object, **kwargs: object) -> None:
-        out["F"], out["G"] = self.score_genes(X), -np.ones((len(X), 1))
+        out["F"] = self.score_genes(X)
 
 
-def engine(loop: ClosedLoop, step: ControlStep) -> Callable[[int, int], FRONT]:
+def engine(loop: ClosedLoop, step: StepState) -> Callable[[int, int], FRONT]:
     """Return ours: from (seed, generations) to the last population's objectives."""
     search = loop.step_evolution()
 
@@ -87,9 +85,9 @@ def engine(loop: ClosedLoop, step: ControlStep) -> Callable[[int, int], FRONT]:
     return run
 
 
-def pymoo(loop: ClosedLoop, step: ControlStep, *, compiled: bool) -> Callable[[int, int], FRONT]:
+def pymoo(loop: ClosedLoop, step: StepState, *, compiled: bool) -> Callable[[int, int], FRONT]:
     """Return pymoo's loop with the paper's operators, evaluated in NumPy or by compiled code."""
-    problem = CompiledStepProblem(loop, step) if compiled else StepProblem(step, loop.objectives)
+    problem = CompiledStepProblem(loop, step) if compiled else loop.control_step(step.sample, step.history)
 
     def run(seed: int, generations: int) -> FRONT:
         result = minimize(problem, problem.algorithm(loop.population), ("n_gen", generations + 1), seed=seed)
@@ -98,7 +96,7 @@ def pymoo(loop: ClosedLoop, step: ControlStep, *, compiled: bool) -> Callable[[i
     return run
 
 
-def pygmo_nsga2(loop: ClosedLoop, step: ControlStep) -> Callable[[int, int], FRONT]:
+def pygmo_nsga2(loop: ClosedLoop, step: StepState) -> Callable[[int, int], FRONT]:
     """Return pygmo's NSGA-II, its operators, with the compiled evaluation of a whole population."""
     pygmo: Any = import_module("pygmo")  # here, so: optional
     problem = CompiledStepProblem(loop, step)

@@ -14,13 +14,12 @@ import numpy as np
 from moocore import is_nondominated
 from scipy.stats import mannwhitneyu
 
-from paretoik.closed_loop.control_step import HISTORY, ControlStep
+from paretoik.closed_loop.control_step import HISTORY, StepState
 from paretoik.closed_loop.exact_loop import OPTIONS, exact_steps
 from paretoik.formulations.closed_loop import ClosedLoop
 from paretoik.front.indicators import hypervolume
 from problems.marcos_2012 import Links
 from studies.benchmarks.closed_loop.contestants import GENERATIONS, engine, loop_of, pymoo
-from studies.benchmarks.closed_loop.step_problem import is_admissible, steps_to
 from studies.reporting import Row
 
 MARGIN, LEVEL = 0.01, 0.05
@@ -80,7 +79,7 @@ def volumes(
     return shares[0], shares[1]
 
 
-def exact_front(loop: ClosedLoop, step: ControlStep) -> np.ndarray:
+def exact_front(loop: ClosedLoop, step: StepState) -> np.ndarray:
     """Return a fine front of the admissible steps: of three links along a line, of four over a plane.
 
     That plane's grid is so fine that the front's hypervolume lacks less than 1 %: searches can come out above it.
@@ -96,18 +95,18 @@ def exact_front(loop: ClosedLoop, step: ControlStep) -> np.ndarray:
         y = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=-1).reshape(-1, 2)
         y = np.concatenate([np.zeros((1, 2)), y])
     q = step.previous + shortest + (center + y) @ null.T
-    steps = steps_to(step, q[is_admissible(step, q)])
+    steps = step.steps(q[step.is_admissible(q)])
     F = np.stack([each.function(steps)[..., -1] * each.sign for each in loop.objectives], axis=1)
     front: np.ndarray = F[is_nondominated(F)]
     return front
 
 
-def control_step(loop: ClosedLoop, sample: int) -> ControlStep:
+def control_step(loop: ClosedLoop, sample: int) -> StepState:
     """Return a step of the exact loop."""
     q = loop.start[None]
     if sample > 1:
         q = exact_steps(loop.task.truncate(sample), loop.start, weight=0.5, longest_step=loop.longest)
-    return loop.control_step(sample, np.concatenate([np.tile(q[:1], (HISTORY, 1)), q])[-HISTORY:])
+    return loop.step_state(sample, np.concatenate([np.tile(q[:1], (HISTORY, 1)), q])[-HISTORY:])
 
 
 def _volume(F: np.ndarray, low: np.ndarray, width: np.ndarray) -> float:

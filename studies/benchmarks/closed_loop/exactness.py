@@ -14,12 +14,11 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from paretoik import Arm, ClosedLoop, line, obstacles
-from paretoik.closed_loop.control_step import HISTORY, ControlStep
+from paretoik.closed_loop.control_step import HISTORY, StepState
 from paretoik.closed_loop.exact_loop import OPTIONS, exact_step
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.robot.kinematics import forward_kinematics
 from paretoik.task.obstacles import Obstacle
-from studies.benchmarks.closed_loop.step_problem import is_admissible
 from studies.reporting import Row, report, study_parser, tell
 
 WEIGHTS = (1.0, 0.9, 0.5, 0.1, 0.0)  # of the displacement
@@ -54,7 +53,7 @@ def exactness_rows(each: int, steps: int) -> list[Row]:
     return rows
 
 
-def random_steps(links: int, seed: int, count: int, longest: float, blocked: bool) -> Iterator[ControlStep]:
+def random_steps(links: int, seed: int, count: int, longest: float, blocked: bool) -> Iterator[StepState]:
     """Return steps that a loop of a random arm could be asked for, each from joint positions of its own."""
     rng = np.random.default_rng([links, seed, blocked])
     arm = Arm.planar(lengths=rng.uniform(0.3, 1.5, links))
@@ -70,13 +69,13 @@ def random_steps(links: int, seed: int, count: int, longest: float, blocked: boo
             loop = ClosedLoop(arm, path, start=home, longest_step=longest, obstacles=around if blocked else ())
         except InvalidInput:  # the arm stands in an obstacle: others are drawn
             continue
-        step = loop.control_step(2, np.tile(q, (HISTORY, 1)))
-        if np.linalg.cond(step.linearise()[1]) < 1e4 and is_admissible(step, q[None])[0]:
+        step = loop.step_state(2, np.tile(q, (HISTORY, 1)))
+        if np.linalg.cond(step.linearise()[1]) < 1e4 and step.is_admissible(q[None])[0]:
             yield step
             count -= 1
 
 
-def advantage(step: ControlStep, seed: int) -> float:
+def advantage(step: StepState, seed: int) -> float:
     """Return by how much a dense search of a step is better than the exact one, in ranges of the exact front.
 
     The most of displacement, error and weighted sums; not positive where it is not better. Where no step is admissible,
@@ -87,14 +86,14 @@ def advantage(step: ControlStep, seed: int) -> float:
         exact = np.stack([exact_step(step, weight=weight) for weight in WEIGHTS])
     except Infeasible:
         return np.inf if dense_search(step, weights[:1], seed)[0] < np.inf else -np.inf
-    if not is_admissible(step, exact).all():
+    if not step.is_admissible(exact).all():
         return np.inf
     F = objectives(step, exact)
     scaled = weights / np.maximum(np.abs(F[0] - F[-1]), TINY)
     return max(np.einsum("wk,wk->w", F, scaled) - dense_search(step, scaled, seed))
 
 
-def objectives(step: ControlStep, q: np.ndarray) -> np.ndarray:
+def objectives(step: StepState, q: np.ndarray) -> np.ndarray:
     """Return displacement [rad²] and error [m] (points, 2) of steps: Eqs. 17, without Δt, and 18."""
     offsets = [place.position[0] for place in (*step.task.arm.placements[1:], step.task.arm.tool)]
     tool = np.exp(1j * np.cumsum(q, axis=1)) @ np.array(offsets)
@@ -102,7 +101,7 @@ def objectives(step: ControlStep, q: np.ndarray) -> np.ndarray:
     return np.stack([moved, np.abs(tool - step.target[0] - 1j * step.target[1])], axis=1)
 
 
-def dense_search(step: ControlStep, weights: np.ndarray, seed: int) -> np.ndarray:
+def dense_search(step: StepState, weights: np.ndarray, seed: int) -> np.ndarray:
     """Return the least weighted sums (of each row of weights) of steps drawn at all distances, then about the best."""
     rng, links = np.random.default_rng(seed), len(step.home)
     error, jacobian = step.linearise()
@@ -112,7 +111,7 @@ def dense_search(step: ControlStep, weights: np.ndarray, seed: int) -> np.ndarra
 
     def values(y: np.ndarray) -> np.ndarray:
         q = center + y @ null.T
-        admissible = is_admissible(step, q) & (np.abs(y).max(axis=1) <= OPTIONS.farthest)
+        admissible = step.is_admissible(q) & (np.abs(y).max(axis=1) <= OPTIONS.farthest)
         return np.where(admissible[:, None], objectives(step, q) @ weights.T, np.inf)
 
     farthest = min(OPTIONS.farthest, 2.0 * links * float(np.max(step.upper)))

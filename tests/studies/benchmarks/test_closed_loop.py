@@ -21,14 +21,14 @@ def test_loops_begin_on_the_circle(loop):
 
 
 def test_the_compiled_evaluation_is_the_readable_one(loop):
-    step = contestants.CompiledStepProblem(loop, loop.control_step(1))
+    step = contestants.CompiledStepProblem(loop, loop.step_state(1))
     genes = np.random.default_rng(0).uniform(-1, 1, size=(30, step.n_var))
-    readable = contestants.StepProblem(loop.control_step(1), loop.objectives)
-    np.testing.assert_allclose(step.score_genes(genes), readable.score(readable.decode(genes)), rtol=1e-8)
+    readable = loop.control_step(1)
+    np.testing.assert_allclose(step.score_genes(genes), readable.evaluate(genes, return_values_of=["F"]), rtol=1e-8)
 
 
 def test_no_search_goes_beyond_the_exact_front(loop):
-    step = loop.control_step(1)
+    step = loop.step_state(1)
     exact = equivalence.exact_front(loop, step)
     F = contestants.engine(loop, step)(0, 60)
     width = np.ptp(exact, axis=0)

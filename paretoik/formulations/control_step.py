@@ -1,0 +1,220 @@
+"""One step of a closed loop as a pymoo problem: rows that extend the Jacobian to a square matrix are searched for.
+
+Source: Marcos et al. 2012, section 4.1. ``ClosedLoop`` takes one such step after the other, its search compiled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from pymoo.algorithms.base.genetic import GeneticAlgorithm
+from pymoo.core.population import Population
+from pymoo.core.repair import Repair
+
+from paretoik.arrays import Genes
+from paretoik.call_arguments import check_call
+from paretoik.closed_loop.control_step import HISTORY
+from paretoik.closed_loop.loop import state_before
+from paretoik.closed_loop.objectives import StepObjective, joint_displacement, position_error
+from paretoik.closed_loop.workspace import OPTIONS
+from paretoik.errors import InvalidInput
+from paretoik.formulations.closed_loop_arguments import (
+    check_limits,
+    check_longest_step,
+    check_objectives,
+    check_start,
+)
+from paretoik.formulations.formulation import Formulation
+from paretoik.inputs import check_size, finite_array
+from paretoik.robot.arm import Arm
+from paretoik.search.maximin import MaxiMin
+from paretoik.search.row_operators import BinaryTournament, ReplaceOne, RowCrossover, Seeded
+from paretoik.task.limits import Limits
+from paretoik.task.motion import Motion
+from paretoik.task.motion_task_validation import motion_task
+from paretoik.task.objectives import Objective, joint_travel
+from paretoik.task.obstacles import Obstacle
+from paretoik.task.path import Path
+from paretoik.task.task import Task
+
+
+@check_call
+class ControlStep(Formulation):
+    """Search the next joint positions of an arm that follows ``path``: a vectorised pymoo problem.
+
+    An individual is the matrix (J*, Δx*) that extends Δx = J Δq to a square system (Eqs. 7 to 13), so that every step
+    reaches its target to first order. Its genes are within ±1. A step with too much self-motion is shortened until its
+    joints are within their bounds. ``pk.solve(step)`` runs the paper's search, any pymoo algorithm another one;
+    ``loop.control_step(k)`` is the step of a ``ClosedLoop`` to sample k. The motions of its fronts are the last three
+    joint positions and the next ones: ``front.motions.q[:, -1]``.
+
+    Parameters
+    ----------
+    arm, path
+        The arm, planar or spatial, and a Path, a Task or several of them with the same times.
+    q
+        Joint positions (dof,) in which the step begins, or the last ones (rows, dof), a step apart.
+    sample
+        Sample of the path to which the step leads.
+    home
+        Joint positions (dof,) in which the loop began; None takes the first of ``q``.
+    objectives
+        Of a step, as of ``ClosedLoop``; any number.
+    obstacles, link_radius, limits, longest_step
+        As of ``ClosedLoop``.
+
+    Raises
+    ------
+    InvalidInput
+        Naming what cannot be used.
+    Infeasible
+        If the arm is singular in ``q``.
+
+    >>> import paretoik as pk
+    >>> path = pk.line([2.0, 0.5], [2.0, 0.6], duration=0.01, samples=11)
+    >>> step = pk.ControlStep(pk.arms.marcos_nr(3), path, [-0.5, 0.9, 0.4])
+    >>> step.decode(np.full((1, step.n_var), 0.5)).q.shape
+    (1, 4, 3)
+    """
+
+    def __init__(
+        self,
+        arm: Arm,
+        path: Path | Task | Sequence[Path | Task],
+        q: Sequence[float] | Sequence[Sequence[float]] | np.ndarray,
+        *,
+        sample: int = 1,
+        home: Sequence[float] | np.ndarray | None = None,
+        objectives: Sequence[StepObjective | Objective] = (joint_displacement, position_error),
+        obstacles: Sequence[Obstacle] = (),
+        link_radius: float = 0.0,
+        limits: Limits | None = None,
+        longest_step: float = 0.1,
+    ) -> None:
+        """Make the problem; the class says of what."""
+        self.objectives = check_objectives(objectives)
+        check_limits(limits, supported=("position", "velocity", "clearance"), where="in a control step")
+        whole = motion_task(
+            arm, path, objectives=[joint_travel], limits=limits, obstacles=obstacles, link_radius=link_radius
+        )
+        check_size("sample", sample, 1)
+        if sample >= len(whole.times):
+            raise InvalidInput(f"sample must be at most {len(whole.times) - 1}, the path's last, got {sample}")
+        before = np.atleast_2d(finite_array("q", q))
+        if before.ndim != 2 or before.shape[1] != arm.dof or not len(before):
+            raise InvalidInput(f"q must have shape ({arm.dof},) or (rows, {arm.dof}), got {np.shape(q)}")
+        history = np.concatenate([np.tile(before[:1], (HISTORY, 1)), before])[-HISTORY:]
+        check_start(whole, history[-1], name="q")
+        self.state = state_before(
+            whole,
+            int(sample),
+            history,
+            home=before[0] if home is None else finite_array("home", home, shape=(arm.dof,)),
+            longest=check_longest_step(longest_step),
+        )
+        self.task = self.state.ending
+        self.names = tuple(each.name for each in self.objectives)
+        self.units = tuple(each.unit for each in self.objectives)
+        self.maximised = tuple(each.maximise for each in self.objectives)
+        kinds = {"joint step": "rad or m"} if self.state.bounded else {}
+        kinds |= {"clearance": "m"} if whole.obstacles else {}
+        self.constraint_names, self.constraint_units = tuple(kinds), tuple(kinds.values())
+        shortest, null_space = self.state.shortest_and_null_space
+        super().__init__(
+            n_var=null_space.shape[1] * (arm.dof + 1),
+            n_obj=len(self.names),
+            n_ieq_constr=len(kinds),
+            xl=-OPTIONS.gene_bound,
+            xu=OPTIONS.gene_bound,
+        )
+        self._score((history[-1] + shortest)[None])  # raises what the objectives raise
+
+    def positions(self, genes: Genes) -> Float[np.ndarray, "points dof"]:
+        """Return the joint positions after the steps of genes; NaN if the extended Jacobian is singular."""
+        return self.state.shorten(self.state.decode(genes))
+
+    def decode(self, genes: Genes) -> Motion:
+        """Return the motions (points, 4, dof) of genes, which end in the joint positions after the step."""
+        return self.state.motions(self.positions(genes))
+
+    def algorithm(
+        self, population: int, *, offspring: int | None = None, initial: Genes | None = None
+    ) -> GeneticAlgorithm:
+        """Return the paper's NSGA-II: tournaments, crossover by rows, one gene replaced, MaxiMin selection."""
+        return GeneticAlgorithm(
+            pop_size=population,
+            n_offsprings=offspring,
+            sampling=AdmissibleChromosomes(initial),
+            selection=BinaryTournament(),
+            crossover=RowCrossover(self.task.arm.dof + 1),
+            mutation=ReplaceOne(),
+            survival=MaxiMin(),
+            repair=None if self.state.swept else ReplaceInadmissible(),
+            eliminate_duplicates=False,
+            advance_after_initial_infill=True,
+        )
+
+    def redraw(self, genes: Genes, rng: np.random.Generator) -> Genes:
+        """Return genes in which inadmissible chromosomes are replaced by random ones (section 5.2)."""
+        genes = np.array(genes, dtype=float)
+        for _ in range(OPTIONS.max_redraws):
+            inadmissible = np.flatnonzero(~self.state.is_admissible(self.positions(genes)))
+            if not inadmissible.size:
+                break
+            genes[inadmissible] = rng.uniform(self.xl, self.xu, size=(inadmissible.size, self.n_var))
+        return genes
+
+    def _score(self, q: Float[np.ndarray, "points dof"]) -> Float[np.ndarray, "points n_obj"]:
+        """Return the objectives of steps, minimised."""
+        steps, shape = self.state.steps(q), (len(q), len(self.task.times))
+        columns = []
+        for each in self.objectives:
+            values = np.asarray(each.function(steps))
+            if values.shape != shape:
+                raise InvalidInput(
+                    f"objective {each.name} must return one value per step and sample, shape {shape}, "
+                    f"got {values.shape}"
+                )
+            columns.append(each.sign * values[:, -1])
+        return np.stack(columns, axis=1)
+
+    def _excess(self, q: Float[np.ndarray, "points dof"]) -> Float[np.ndarray, "points limits"]:
+        """Return by how much steps exceed joints' bounds [rad, m] and lack clearance [m]; NaN counts as much."""
+        excess = np.full((len(q), self.n_ieq_constr), 1.0)
+        usable = np.isfinite(q).all(axis=1)
+        columns, steps = [], q[usable]
+        if self.state.bounded:
+            columns.append(self.state.excess_over_bounds(steps))
+        if self.task.obstacles:
+            left = self.state.clearance_left(steps)
+            columns.append(np.where(left > 0, -left, np.maximum(-left, np.finfo(float).tiny)))
+        excess[usable] = np.stack(columns, axis=1) if columns else 0.0
+        return excess
+
+    def _evaluate(self, X: Genes, out: dict[str, object], *args: object, **kwargs: object) -> None:
+        q = self.positions(X)
+        F, usable = np.full((len(X), self.n_obj), np.inf), np.isfinite(q).all(axis=1)
+        F[usable] = self._score(q[usable])
+        out["F"], out["G"] = np.where(np.isfinite(F).all(axis=1, keepdims=True), F, np.inf), self._excess(q)
+
+
+class AdmissibleChromosomes(Seeded):
+    """The ``initial`` genes, if any, and random ones whose step is admissible."""
+
+    def _do(self, problem: Any, n_samples: int, *, random_state: np.random.Generator, **kwargs: Any) -> Genes:
+        genes = super()._do(problem, n_samples, random_state=random_state)
+        given = 0 if self.initial is None else len(self.initial)
+        genes[given:] = problem.redraw(genes[given:], random_state)
+        return genes
+
+
+class ReplaceInadmissible(Repair):  # type: ignore[misc]  # pymoo is not typed
+    """A chromosome whose step is not admissible is rejected and a new one is drawn (section 5.2)."""
+
+    def do(self, problem: Any, pop: Population, *, random_state: np.random.Generator, **kwargs: object) -> Population:
+        """Return the population with such chromosomes replaced."""
+        pop.set("X", problem.redraw(pop.get("X"), random_state))
+        return pop

@@ -1,0 +1,70 @@
+"""What formulations have in common: a first generation for any pymoo algorithm, and a few lines of text."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from pymoo.core.problem import Problem
+from pymoo.core.sampling import Sampling
+from pymoo.operators.sampling.lhs import LatinHypercubeSampling
+from pymoo.operators.sampling.rnd import FloatRandomSampling
+
+from paretoik.arrays import Genes
+from paretoik.search.row_operators import Seeded
+from paretoik.tables import columns, fit_screen, html_representation
+from paretoik.task.summary import objective_text, task_text
+
+if TYPE_CHECKING:  # they write themselves with this
+    from paretoik.formulations.closed_loop import ClosedLoop
+    from paretoik.formulations.tracking import Tracking
+
+RANDOM = (FloatRandomSampling, LatinHypercubeSampling)  # samplings that know no problem
+
+
+def problem_text(problem: Any) -> str:
+    """Return a formulation in words: its size, objectives and constraints by name, and what to do with it."""
+    objectives = map(objective_text, problem.names, problem.units, problem.maximised)
+    rows = [("objectives", ", ".join(objectives)), ("constraints", ", ".join(problem.constraint_names) or "none")]
+    head = f"{type(problem).__name__}, {problem.n_var} genes"
+    return fit_screen("\n".join([head, columns(rows), "next: pk.solve(problem)"]))
+
+
+class Formulation(Problem):  # type: ignore[misc]  # pymoo is not typed
+    """A vectorised pymoo problem that any of pymoo's algorithms can begin with.
+
+    Random genes rarely keep tight limits. pymoo takes a sampling from the algorithm only, but hands the algorithm to
+    ``evaluate`` and copies all that this returns into its individuals. So the first generation of an algorithm that
+    samples at random is exchanged for that of ``sampling()``. Algorithms with genes or a sampling of their own keep
+    these.
+    """
+
+    __repr__ = __str__ = problem_text  # pymoo has a text of its own
+    _repr_html_ = html_representation
+
+    def sampling(self) -> Sampling:
+        """Return a pymoo sampling: the problem's own starts first, then genes at random."""
+        return Seeded(None)
+
+    def evaluate(self, X: Genes, *args: Any, algorithm: Any = None, **kwargs: Any) -> Any:
+        """Evaluate genes as pymoo's problems do; ``algorithm`` is the one that asks."""
+        sampling = getattr(getattr(algorithm, "initialization", None), "sampling", None)
+        if algorithm is None or algorithm.is_initialized or type(sampling) not in RANDOM:
+            return super().evaluate(X, *args, **kwargs)
+        X = self.sampling().do(self, len(X), random_state=algorithm.random_state).get("X")
+        return {**super().evaluate(X, *args, **kwargs), "X": X}
+
+
+def tracking_text(problem: Tracking) -> str:
+    """Return a tracking problem in words."""
+    summary = task_text(problem.task)
+    return fit_screen(
+        f"Tracking, {problem.n_var} genes\n{summary}\nnext: pk.solve(problem) or pk.epsilon_front(problem)"
+    )
+
+
+def loop_text(loop: ClosedLoop) -> str:
+    """Return a closed loop in words; its objectives are those of a step, by weight."""
+    weights = ", ".join(f"{name} {weight:.0%}" for name, weight in loop.named_weights.items())
+    summary = "\n".join(line for line in task_text(loop.task).splitlines() if not line.startswith("objectives"))
+    search = f"{loop.population} individuals, {loop.generations} generations, seed {loop.seed}"
+    return fit_screen(f"Closed loop\n{summary}\neach step: {weights}; {search}\nnext: pk.solve(loop)")

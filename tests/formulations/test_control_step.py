@@ -1,0 +1,214 @@
+"""One control step: the compiled engine's, step for step; Pinocchio's in space; any pymoo algorithm solves it."""
+
+import numpy as np
+import pinocchio
+import pytest
+from pymoo.algorithms.moo.nsga2 import NSGA2
+from pymoo.algorithms.moo.sms import SMSEMOA
+from pymoo.algorithms.moo.spea2 import SPEA2
+from pymoo.optimize import minimize
+
+import paretoik as pk
+from paretoik.closed_loop.admissible_steps import clearance_at_start, find_inadmissible
+from paretoik.closed_loop.engine import _configure, _evaluate_objectives
+from problems import marcos_2012
+from tests.closed_loop.planar_geometry import meets
+from tests.closed_loop.postures import near_obstacle, posture
+from tests.formulations.problems import PANDA, panda
+
+COUNT = 200
+
+
+@pk.objective(unit="rad/s³", form="peak")
+def sway(motion):
+    return np.abs(motion.jerk).max(axis=-1) + np.abs(motion.ddq[..., 0])
+
+
+@pk.step_objective(unit="m")
+def height(step):
+    return step.motion.tool[..., 1] - step.position_error[..., 0]
+
+
+def paper_loop(links, **settings):
+    return marcos_2012.loop(links, 0.7, start=posture(links), steps=6, population=COUNT, **settings)
+
+
+def own_objectives():
+    path = marcos_2012.round_trip(0.7, 6)
+    objectives = [pk.joint_displacement, sway, height]
+    return pk.ClosedLoop(pk.arms.marcos_nr(4), path, start=posture(4), objectives=objectives, population=COUNT)
+
+
+LOOPS = {
+    "3R of any length": lambda: paper_loop(3, as_printed=True),
+    "4R of any length": lambda: paper_loop(4, as_printed=True),
+    "3R, bounded": lambda: paper_loop(3),
+    "4R, bounded": lambda: paper_loop(4),
+    "3R, obstacles": lambda: near_obstacle(population=COUNT),
+    "4R, obstacles at the end": lambda: paper_loop(4, blocked=True, as_printed=True),
+    "three objectives with a history": own_objectives,
+}
+
+
+@pytest.mark.parametrize("name", LOOPS)
+def test_the_same_genes_are_the_same_steps_as_in_the_compiled_engine(name):
+    loop = LOOPS[name]()
+    rng = np.random.default_rng(0)
+    history = loop.start + 1e-3 * rng.normal(size=(3, len(loop.start)))
+    history[-1] = loop.start
+    step, state = loop.control_step(2, history), loop.step_state(2, history)
+    genes = rng.uniform(-1, 1, size=(COUNT, step.n_var))
+    search = loop.step_evolution()
+    search.generations = 1
+    search(state)  # writes the inputs that all candidates share
+    (start, constraints), w = search.start_and_constraints(state), search.workspace
+    w.children[:] = genes.T
+    _configure(w.children, w.inputs, COUNT, start, constraints, w)
+    q = w.inputs[: len(loop.start)].T.copy()
+    size = 1.0 + np.abs(q - loop.start).max(axis=1, keepdims=True)  # a step is as exact as it is long
+    _evaluate_objectives(start, search._objectives, COUNT, w)
+    expected = w.F[: loop.n_obj, len(w.order) :].T
+    F, G = step.evaluate(genes, return_values_of=["F", "G"])
+    assert (np.abs(step.positions(genes) - q) <= 1e-12 * size).all()
+    np.testing.assert_allclose(F[:, 0], expected[:, 0], rtol=2e-12)
+    np.testing.assert_allclose(F[:, 1:], expected[:, 1:], rtol=1e-12, atol=1e-9 if loop.n_obj > 2 else 2e-12)
+    w.inputs[: len(loop.start)], w.pending[:] = step.positions(genes).T, np.arange(COUNT)
+    rejected = find_inadmissible(
+        COUNT, start, constraints, clearance_at_start(start, constraints, w), search.options, w
+    )
+    assert sorted(w.pending[:rejected]) == np.flatnonzero((G > 0).any(axis=1)).tolist()
+    np.testing.assert_array_equal(step.decode(genes).q[:, -1], step.positions(genes))
+    np.testing.assert_array_equal(step.decode(genes).q[:, :-1], np.tile(history, (COUNT, 1, 1)))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_steps_of_a_spatial_arm_are_those_of_pinocchio(seed):
+    rng = np.random.default_rng(seed)
+    model = pinocchio.buildModelFromUrdf(str(PANDA))
+    data, frame = model.createData(), model.getFrameId("panda_hand_tcp")
+
+    def tool(joints):
+        pinocchio.framesForwardKinematics(model, data, np.append(joints, np.zeros(model.nq - 7)))
+        return data.oMf[frame].translation.copy()
+
+    home, q = np.array([0.1, -0.5, 0.2, -2.0, 0.3, 1.8, 0.4]) + rng.normal(0.0, 0.2, (2, 7))
+    target, dt = tool(q) + rng.normal(0.0, 3e-3, 3), 0.01
+    path = pk.line(tool(q), 2 * target - tool(q), duration=2 * dt, samples=3, timing="uniform")
+    step = pk.ControlStep(panda(), path, q, home=home, longest_step=np.inf, limits=pk.Limits(velocity=np.inf))
+    genes = rng.uniform(-1, 1, (50, step.n_var))
+    rows = genes.reshape(50, 4, 8)
+    full = np.append(q, np.zeros(model.nq - 7))
+    pinocchio.computeJointJacobians(model, data, full)
+    pinocchio.updateFramePlacements(model, data)
+    jacobian = pinocchio.getFrameJacobian(model, data, frame, pinocchio.LOCAL_WORLD_ALIGNED)[:3, :7]
+    square = np.concatenate([np.tile(jacobian, (50, 1, 1)), rows[..., :7]], axis=1)  # Eq. 7
+    moved = np.linalg.solve(
+        square, np.concatenate([np.tile(target - tool(q), (50, 1)), rows[..., 7]], axis=1)[..., None]
+    )
+    after = q + moved[..., 0]
+    lower, upper = step.task.arm.position_limits.T
+    usable = ((after > lower) & (after < upper)).all(axis=1)  # others are shortened
+    assert usable.sum() > 5, usable.sum()
+    scale = np.linalg.cond(square)[usable, None]
+    F = step.evaluate(genes, return_values_of=["F"])[usable]
+    np.testing.assert_allclose(
+        step.positions(genes)[usable] / scale[:, None], after[usable] / scale[:, None], atol=1e-14
+    )
+    displacement = ((after - q) ** 2 + (after - home) ** 2).sum(axis=1)[usable] / dt**2  # Eq. 17
+    error = [np.linalg.norm(tool(each) - target) for each in after[usable]]  # Eq. 18
+    np.testing.assert_allclose(F[:, 0], displacement, rtol=1e-10)
+    np.testing.assert_allclose(F[:, 1], error, rtol=1e-10, atol=1e-12)
+
+
+def test_shortened_steps_lie_on_the_way_and_reach_a_bound():
+    step = paper_loop(4).control_step(1)
+    genes = np.random.default_rng(0).uniform(-1, 1, size=(COUNT, step.n_var))
+    wished, q = step.state.decode(genes), step.positions(genes)
+    shortest = step.state.previous + step.state.shortest_and_null_space[0]
+    largest = np.abs(q - step.state.previous).max(axis=1)
+    short = np.abs(wished - step.state.previous).max(axis=1) <= 0.1
+    np.testing.assert_array_equal(q[short], wished[short])
+    np.testing.assert_allclose(largest[~short], 0.1, rtol=1e-9)
+    share = np.linalg.norm(q - shortest, axis=1) / np.linalg.norm(wished - shortest, axis=1)
+    np.testing.assert_allclose(q - shortest, share[:, None] * (wished - shortest), atol=1e-12)
+
+
+def test_a_singular_system_fails():
+    step = paper_loop(3, as_printed=True).control_step(1)
+    genes = np.zeros((1, step.n_var))
+    assert np.isnan(step.positions(genes)).all()
+    assert np.isinf(step.evaluate(genes, return_values_of=["F"])).all()
+
+
+@pytest.mark.parametrize("algorithm", [NSGA2(), SMSEMOA(), SPEA2(), NSGA2(pop_size=24), pk.MaxiMinNSGA2(pop_size=40)])
+@pytest.mark.parametrize("blocked", [False, True])
+def test_any_pymoo_algorithm_solves_a_step(algorithm, blocked):
+    step = paper_loop(4, blocked=blocked).control_step(1)
+    result = minimize(step, algorithm, ("n_gen", 8), seed=1)
+    random = step.evaluate(np.random.default_rng(0).uniform(-1, 1, size=(500, step.n_var)), return_values_of=["F"])
+    assert (result.G <= 0).all()
+    assert np.all(result.F.min(axis=0) < np.median(random, axis=0))
+    if blocked:
+        assert not meets(step.positions(result.X), step.task.obstacles).any()
+
+
+def test_solve_finds_the_front_that_the_compiled_search_finds():
+    loop = paper_loop(3, generations=40)
+    front = pk.solve(loop.control_step(1), population=60, generations=40, stagnation=False, observe=False)
+    F = loop.step_evolution()(loop.step_state(1)).F
+    np.testing.assert_allclose(front.objectives.min(axis=0), F.min(axis=0), rtol=2e-3)
+    q = front.motions.q[:, -1]
+    tool = np.exp(1j * np.cumsum(q, axis=1)).sum(axis=1)
+    target = complex(*loop.task.targets[1])
+    np.testing.assert_allclose(np.abs(tool - target), front.objectives[:, 1], rtol=1e-9, atol=1e-15)
+    choice = front.select(pk.Weights(joint_displacement=0.5, position_error=0.5))
+    assert choice.motion.q.shape == (4, 3)
+
+
+def test_a_step_of_its_own_is_that_of_its_loop():
+    loop, rng = own_objectives(), np.random.default_rng(3)
+    arm, path = loop.task.arm, marcos_2012.round_trip(0.7, 6)
+    alone = pk.ControlStep(arm, path, loop.start, objectives=[pk.joint_displacement, sway, height])
+    genes = rng.uniform(-1, 1, (20, alone.n_var))
+    for ours, theirs in zip(alone.evaluate(genes), loop.control_step(1).evaluate(genes), strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+    assert alone.names == loop.names
+
+
+@pk.step_objective(unit="rad")
+def total(step):
+    return step.motion.q.sum()
+
+
+NOT_OF_A_STEP = {
+    "sample must be at most 6, the path's last, got 7": {"sample": 7},
+    "sample: an integer of at least 1": {"sample": 0},
+    r"q must have shape \(3,\) or \(rows, 3\), got \(2,\)": {"q": [0.0, 1.0]},
+    "q: joint1 must lie within -3 to 3, got 4": {"q": [4.0, 0.3, 0.3], "limits": pk.Limits(position=3.0)},
+    "q: must be clear of obstacles, got -": {"obstacles": [pk.obstacles.Circle([0.5, 0.2], 1.0)]},
+    "home": {"home": [0.0]},
+    "limits: of position, velocity and clearance wanted in a control step, got torque": {
+        "limits": pk.Limits(torque=1.0)
+    },
+    "longest_step: a positive number wanted": {"longest_step": 0.0},
+    "objectives: wants at least one": {"objectives": []},
+    r"objective total must return one value per step and sample, shape \(1, 4\), got \(\)": {"objectives": [total]},
+}
+
+
+@pytest.mark.parametrize("words", NOT_OF_A_STEP)
+def test_what_cannot_be_used_is_named(words):
+    with pytest.raises(pk.InvalidInput, match=words):
+        pk.ControlStep(
+            **{
+                "arm": pk.arms.marcos_nr(3),
+                "path": marcos_2012.round_trip(0.7, 6),
+                "q": posture(3),
+                **NOT_OF_A_STEP[words],
+            }
+        )
+
+
+def test_a_singular_arm_is_refused():
+    with pytest.raises(pk.Infeasible, match="singular"):
+        pk.ControlStep(pk.arms.marcos_nr(3), marcos_2012.round_trip(0.7, 6), np.zeros(3))
