@@ -5,6 +5,8 @@ section 5.2. A closed loop is followed, not searched once::
 
     run = circle_3r().run()
     run.position_error, run.drift
+
+Each of its steps is a search of its own, which any pymoo algorithm solves: ``circle_3r().control_step(1)``.
 """
 
 from __future__ import annotations
@@ -13,7 +15,7 @@ from typing import Literal
 
 import numpy as np
 
-from paretoik import ClosedLoop, Path, Posture, arms, circle, obstacles
+from paretoik import ClosedLoop, ControlStep, Path, Posture, arms, circle, obstacles
 from paretoik.task.obstacles import Obstacle
 
 RATE = 7.0  # rad/s
@@ -92,6 +94,11 @@ def circle_3r_obstacles() -> ClosedLoop:
 def circle_4r_obstacles() -> ClosedLoop:
     """Two turns of a circle with four links, clear of two obstacles."""
     return loop(4, 0.7, blocked=True)
+
+
+def first_step(links: Links = 4, distance: float = 0.7, *, blocked: bool = True) -> ControlStep:
+    """Return the search of a loop's first step, from a posture that OLGA finds (sections 4.1 and 4.2)."""
+    return loop(links, distance, blocked=blocked).control_step(1)
 
 
 def first_posture(links: Links = 4, distance: float = 0.7, *, blocked: bool = True) -> Posture:

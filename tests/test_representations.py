@@ -90,6 +90,7 @@ def vars_of_capability(arm, path):
         "controlled": pk.TimeOptimalControl(model, period=0.05),
         "tuning": pk.Tuning(arm, path, pk.methods.DampedLeastSquares()),
         "posture": pk.Posture(arm, path, link_radius=0.01),
+        "control step": pk.ControlStep(arm, path, [0.0, 0.327, -0.754], longest_step=1.0),
     }
 
 

@@ -62,7 +62,7 @@ def take_steps(
         recorded = sample in record_steps
         population, generations = search.with_generations(step) if recorded else (search(step), None)
         if not len(population.F):
-            raise Infeasible(_explain_no_step(step))
+            raise Infeasible(explain_no_step(step))
         front = nondominated(population)
         record = StepRecord(sample=sample, front=front, index=choose(front.F, weights), generations=generations)
         yield record
@@ -143,10 +143,11 @@ def choose(F: Objectives, weights: Float[np.ndarray, " n_obj"]) -> int:
     return int(np.argmin(z @ weights))  # Eq. 20
 
 
-def _explain_no_step(step: StepState) -> str:
+def explain_no_step(step: StepState) -> str:
+    """Return in words why no admissible step was found."""
     task = step.task
     reason = f"step {step.sample} ({task.times[step.sample]:.3g} s): a free configuration wanted, none found"
-    share, limited = _reachable_share(step)
+    share, limited = reachable_share(step)
     if share < 1:
         joints = ", ".join(task.arm.joint_names[k] for k in limited)
         return f"{reason}; joints would have to move at least {1 / share:.3g} times as far as they may: {joints}"
@@ -156,12 +157,14 @@ def _explain_no_step(step: StepState) -> str:
     return f"{reason}; the arm is {distance:.3g} m from {describe_nearest_obstacle(task, step.previous)}"
 
 
-def _reachable_share(step: StepState, *, farthest: float = 1e3) -> tuple[float, Int[np.ndarray, " joints"]]:
+def reachable_share(step: StepState, *, farthest: float = 1e3) -> tuple[float, Int[np.ndarray, " joints"]]:
     """Return the most of Δx that joints within their bounds make, as a share, by a linear program (Eq. 8).
 
     Also which joints are at their bounds then. Bounds beyond ``farthest`` [rad, m] count as that.
     """
     error, jacobian = step.linearise()
+    if not error.any():
+        return 1.0, np.zeros(0, dtype=int)
     low, high = np.clip(step.lower, -farthest, 0.0), np.clip(step.upper, 0.0, farthest)
     share, moved = furthest(jacobian, low, high, error)
     return max(share, np.finfo(float).tiny), np.flatnonzero((moved <= low) | (moved >= high))

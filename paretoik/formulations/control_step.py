@@ -17,10 +17,10 @@ from pymoo.core.repair import Repair
 from paretoik.arrays import Genes
 from paretoik.call_arguments import check_call
 from paretoik.closed_loop.control_step import HISTORY
-from paretoik.closed_loop.loop import state_before
+from paretoik.closed_loop.loop import explain_no_step, reachable_share, state_before
 from paretoik.closed_loop.objectives import StepObjective, joint_displacement, position_error
 from paretoik.closed_loop.workspace import OPTIONS
-from paretoik.errors import InvalidInput
+from paretoik.errors import Infeasible, InvalidInput
 from paretoik.formulations.closed_loop_arguments import (
     check_limits,
     check_longest_step,
@@ -71,7 +71,7 @@ class ControlStep(Formulation):
     InvalidInput
         Naming what cannot be used.
     Infeasible
-        If the arm is singular in ``q``.
+        If the arm is singular in ``q``, or its joints may not move far enough to reach the target.
 
     >>> import paretoik as pk
     >>> path = pk.line([2.0, 0.5], [2.0, 0.6], duration=0.01, samples=11)
@@ -130,6 +130,8 @@ class ControlStep(Formulation):
             xl=-OPTIONS.gene_bound,
             xu=OPTIONS.gene_bound,
         )
+        if reachable_share(self.state)[0] < 1.0:
+            raise Infeasible(explain_no_step(self.state))
         self._score((history[-1] + shortest)[None])  # raises what the objectives raise
 
     def positions(self, genes: Genes) -> Float[np.ndarray, "points dof"]:

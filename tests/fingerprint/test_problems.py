@@ -82,12 +82,17 @@ def standing() -> pk.Posture:
     return pk.Posture(pk.arms.tringali_3r(), LINE, constraints=[low], link_radius=0.01)
 
 
+def control_step() -> pk.ControlStep:
+    return loop().control_step(1)
+
+
 KINDS = {
     "planar": planar,
     "URDF": panda,
     "closed loop": loop,
     "tuning": tuning,
     "posture": standing,
+    "control step": control_step,
     "directional maxima": two_ways,
     "point to point": reach,
     "plain": Plain,

@@ -4,6 +4,10 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
+from pymoo.algorithms.moo.nsga2 import NSGA2
+from pymoo.algorithms.soo.nonconvex.cmaes import CMAES
+from pymoo.algorithms.soo.nonconvex.pso import PSO
+from pymoo.optimize import minimize
 
 import paretoik as pk
 from paretoik.closed_loop.exact_loop import exact_steps
@@ -134,6 +138,22 @@ def test_the_longest_step_is_one_number(longest_step):
     path = marcos_2012.round_trip(0.7, 4)
     with pytest.raises(InvalidInput, match="longest_step: a positive number wanted"):
         ClosedLoop(pk.arms.marcos_nr(3), path, start=posture(3), longest_step=longest_step)
+
+
+def test_a_loop_is_not_one_search_and_a_line_says_what_is():
+    loop = small(3)
+    words = r"got a ClosedLoop: pk.solve\(loop\) follows it, loop.control_step\(k\) is the pymoo problem of step k"
+    for search in (
+        lambda: pk.Search(loop),
+        lambda: minimize(loop, NSGA2(), ("n_gen", 2)),
+        lambda: minimize(loop, NSGA2()),
+        lambda: minimize(loop, pk.MaxiMinNSGA2(), ("n_gen", 2)),
+        lambda: minimize(loop, NSGA2(sampling=np.zeros((4, 4))), ("n_gen", 2)),
+        lambda: minimize(loop, PSO(), ("n_gen", 2)),
+        lambda: minimize(loop, CMAES(), ("n_gen", 2)),
+    ):
+        with pytest.raises(InvalidInput, match=words):
+            search()
 
 
 def test_times_that_are_not_even_are_refused():

@@ -24,6 +24,11 @@ def sway(motion):
     return np.abs(motion.jerk).max(axis=-1) + np.abs(motion.ddq[..., 0])
 
 
+@pk.objective(unit="m", form="peak")
+def reach(motion):
+    return np.abs(motion.tool[..., 1]) + 0.1 * motion.links[..., 2, 0]
+
+
 @pk.step_objective(unit="m")
 def height(step):
     return step.motion.tool[..., 1] - step.position_error[..., 0]
@@ -35,7 +40,7 @@ def paper_loop(links, **settings):
 
 def own_objectives():
     path = marcos_2012.round_trip(0.7, 6)
-    objectives = [pk.joint_displacement, sway, height]
+    objectives = [pk.joint_displacement, sway, height, reach]
     return pk.ClosedLoop(pk.arms.marcos_nr(4), path, start=posture(4), objectives=objectives, population=COUNT)
 
 
@@ -168,7 +173,7 @@ def test_solve_finds_the_front_that_the_compiled_search_finds():
 def test_a_step_of_its_own_is_that_of_its_loop():
     loop, rng = own_objectives(), np.random.default_rng(3)
     arm, path = loop.task.arm, marcos_2012.round_trip(0.7, 6)
-    alone = pk.ControlStep(arm, path, loop.start, objectives=[pk.joint_displacement, sway, height])
+    alone = pk.ControlStep(arm, path, loop.start, objectives=[pk.joint_displacement, sway, height, reach])
     genes = rng.uniform(-1, 1, (20, alone.n_var))
     for ours, theirs in zip(alone.evaluate(genes), loop.control_step(1).evaluate(genes), strict=True):
         np.testing.assert_array_equal(ours, theirs)
@@ -212,3 +217,8 @@ def test_what_cannot_be_used_is_named(words):
 def test_a_singular_arm_is_refused():
     with pytest.raises(pk.Infeasible, match="singular"):
         pk.ControlStep(pk.arms.marcos_nr(3), marcos_2012.round_trip(0.7, 6), np.zeros(3))
+
+
+def test_a_target_that_is_too_far_for_joints_is_refused_at_once():
+    with pytest.raises(pk.Infeasible, match=r"step 1 .*joints would have to move at least .* times as far as they may"):
+        pk.ControlStep(pk.arms.marcos_nr(3), marcos_2012.round_trip(0.7, 6), posture(3), longest_step=1e-4)
