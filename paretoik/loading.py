@@ -193,7 +193,7 @@ def _returns_problem(value: Callable[..., Any]) -> bool:
 
 
 def _is_problem_class(kind: type) -> bool:
-    return timeline(kind) == "step" or hasattr(kind, "evaluate")
+    return hasattr(kind, "evaluate") or timeline(kind) == "step"
 
 
 def _is_own_factory(value: object, module: ModuleType) -> TypeGuard[Callable[..., Any]]:
@@ -228,7 +228,7 @@ def _required_arguments(function: Any) -> list[str]:
 
 
 def _is_problem(value: object) -> bool:
-    if inspect.isclass(value) or not (timeline(value) == "step" or hasattr(value, "evaluate")):
+    if inspect.isclass(value) or not (hasattr(value, "evaluate") or timeline(value) == "step"):
         return False
     return all(is_integer(getattr(value, name, None)) for name in ("n_var", "n_obj"))
 

@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Callable, Collection, Iterator, Sequence
 from copy import copy
 from functools import cached_property
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from jaxtyping import Float
@@ -46,7 +46,7 @@ from paretoik.task.path import Path
 from paretoik.task.task import Task
 
 DIGEST_INTERVAL = 100  # steps from one digest of the state to the next
-ASKED_BY_PYMOO = ("vars", "vtype", "xl", "xu", "bounds", "has_bounds", "n_ieq_constr", "n_eq_constr", "evaluate")
+ASKED_BY_PYMOO = ("vars", "vtype", "xl", "xu", "bounds", "has_bounds", "n_ieq_constr", "n_eq_constr")
 
 
 @check_call
@@ -191,11 +191,15 @@ class ClosedLoop:
     def __getattr__(self, name: str) -> Any:
         """Raise InvalidInput for what pymoo asks a problem for: a loop is a search at every step, not one."""
         if name in ASKED_BY_PYMOO:
-            raise InvalidInput(
-                "problem must be one search, got a ClosedLoop: pk.solve(loop) follows it, loop.control_step(k) is the "
-                "pymoo problem of step k"
-            )
+            self.evaluate()
         raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+
+    def evaluate(self, *args: object, **kwargs: object) -> NoReturn:
+        """Raise InvalidInput, which says what to use."""
+        raise InvalidInput(
+            "problem must be one search, got a ClosedLoop: pk.solve(loop) follows it, loop.control_step(k) is the "
+            "pymoo problem of step k"
+        )
 
     @cached_property
     def programs(self) -> StepPrograms:
