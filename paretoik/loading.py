@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import importlib.util
 import inspect
 import sys
 import traceback
@@ -23,12 +24,12 @@ LONGEST = 200  # characters of a reference that is shown whole
 def load_problem(reference: str) -> Any:
     """Return the pymoo problem, or closed loop, that ``file.py:name`` or ``package.module:name`` stands for.
 
-    As with Flask and uvicorn: for a file the folders with an ``__init__.py`` above it are its package, whose root goes
-    *first* on sys.path; for a module it is the current folder. A name that is not a problem is called where it is a
-    function that the file defines, or one, or a class, that says that it makes one, without arguments; what paretoik
-    raises then passes through. Nothing else is called.
+    For a file the folders with an ``__init__.py`` above it are its package. The folder that has the package, or the
+    current one for a module, goes *last* on sys.path, so that no file in it stands in for a module of Python or of a
+    library. A name that is not a problem is called if it is a function that the file defines, or one, or a class, that
+    says that it makes one, without arguments; what paretoik raises then passes through. Nothing else is called.
 
-    Raises InvalidInput where the file, the module or the name is missing, loading fails, or the name is no problem's.
+    Raises InvalidInput if the file, the module or the name is missing, loading fails, or the name is no problem's.
     """
     place, _, name = reference.rpartition(":")
     if not place or not name:
@@ -89,12 +90,14 @@ def _import_module(place: str, what: str = "problem") -> ModuleType:
         if not path.is_file():
             raise InvalidInput(f"{what} file {place}: wanted a file, got {missing_file(path)}")
         root, dotted = _root_and_name(path.resolve())
-        _refuse_clash(root, dotted.partition(".")[0])
     elif not all(part.isidentifier() for part in dotted.split(".")):
         raise InvalidInput(f"{what} file: wanted FILE.py or package.module, got {shown(place)}")
-    sys.path[:] = [str(root), *(entry for entry in sys.path if entry != str(root))]
+    if str(root) not in sys.path:
+        sys.path.append(str(root))
     importlib.invalidate_caches()
     try:
+        if path.suffix == ".py":
+            _import_package(root, dotted.partition(".")[0])
         return importlib.import_module(dotted)
     except ParetoikError:
         raise
@@ -125,16 +128,29 @@ def _quoted(reference: str) -> str:
     return quoted if len(quoted) <= LONGEST else shown(reference)
 
 
-def _refuse_clash(root: Path, package: str) -> None:
-    if package not in sys.modules:
+def _import_package(root: Path, name: str) -> None:
+    """Import the module or package of a name from a folder, whatever else on sys.path has that name."""
+    folder, file = root / name, root / f"{name}.py"
+    source, places = (folder / "__init__.py", [str(folder)]) if (folder / "__init__.py").is_file() else (file, None)
+    if name in sys.stdlib_module_names:
+        raise InvalidInput(f"{source}: wanted a name that no module of Python has, got {name!r}; rename yours")
+    if name in sys.modules:
+        imported = getattr(sys.modules[name], "__file__", None)
+        if imported is None or Path(imported).resolve() != source:
+            raise InvalidInput(
+                f"package {name!r}: wanted the one in {root}, got one already imported from "
+                f"{imported or 'elsewhere'}; rename yours"
+            )
         return
-    file = getattr(sys.modules[package], "__file__", None)
-    ours = (root / package / "__init__.py", root / f"{package}.py")
-    if file is None or Path(file).resolve() not in ours:
-        raise InvalidInput(
-            f"package {package!r}: wanted the one in {root}, got one already imported from "
-            f"{file or 'elsewhere'}; rename yours"
-        )
+    spec = importlib.util.spec_from_file_location(name, source, submodule_search_locations=places)
+    assert spec is not None
+    assert spec.loader is not None
+    sys.modules[name] = module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except BaseException:
+        del sys.modules[name]
+        raise
 
 
 def _wish_and_fact(module: ModuleType, place: str, name: str) -> str:

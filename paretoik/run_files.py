@@ -184,6 +184,11 @@ def can_resume(folder: Path) -> bool:
     return is_run(folder / RUN) and (checkpoint / JOURNAL).is_file() and not checkpoint.is_symlink()
 
 
+def problem_words(reference: object) -> tuple[str, ...]:
+    """Return the words of a command line that name the problem of a run, none if the run names none."""
+    return ("--problem", reference) if isinstance(reference, str) and reference else ()
+
+
 def unfinished_note(folder: Path) -> str:
     """Say what can be done with a run that has no result, and where the one is that it replaces, after an error.
 
@@ -192,7 +197,8 @@ def unfinished_note(folder: Path) -> str:
     former, run = folder / FORMER, _entries(folder / RUN) or {}
     if run.get("status") == "Infeasible":
         return f"; it ended with: {run.get('reason')}"
-    resumed = f"; what goes on with it: {shell_command('paretoik', 'resume', folder)}" if can_resume(folder) else ""
+    command = shell_command("paretoik", "resume", folder, *problem_words(run.get("problem")))
+    resumed = f"; {command} resumes it" if can_resume(folder) else ""
     return resumed + (f"; the run that it was to replace is in {former}" if is_run(former / RUN) else "")
 
 

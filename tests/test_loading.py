@@ -178,15 +178,15 @@ def test_what_does_not_exist_is_refused_by_name(place):
         load_problem(f"{place}:problem")
 
 
-def test_a_file_in_a_package_is_that_packages_module_and_its_root_goes_first(file, tmp_path):
+def test_a_file_in_a_package_is_that_packages_module_and_its_root_goes_last(file, tmp_path):
     file("wood/__init__.py", "")
     file("wood/oak.py", "n_var = 2")
     place = file(
         "wood/arms.py", "from wood import oak\nfrom pymoo.problems.multi.zdt import ZDT1\np = ZDT1(oak.n_var)\n"
     )
-    sys.path.append(str(tmp_path))  # as an editable install may have it, behind others
     assert load_problem(f"{place}:p").n_var == 2
-    assert sys.path[0] == str(tmp_path)
+    assert load_problem(f"{place}:p").n_var == 2
+    assert sys.path[-1] == str(tmp_path)
     assert sys.path.count(str(tmp_path)) == 1
     assert sys.modules["wood.arms"].__file__ == place
 
@@ -198,14 +198,35 @@ def test_a_dotted_module_is_found_from_the_current_folder(file, tmp_path, monkey
     assert "small" in problems_in("stone")
 
 
-@pytest.mark.parametrize("name", ["problems/__init__.py", "json.py"])
-def test_a_package_of_the_same_name_that_is_loaded_already_is_named(file, name):
+def test_a_package_of_the_same_name_that_is_loaded_already_is_named(file):
     load_problem(f"{ROOT / 'problems' / 'tringali_2020.py'}:energy_torque")
-    package = name.partition("/")[0].removesuffix(".py")
-    loaded = sys.modules[package].__file__
-    place = file(name, SIMPLE)
-    with pytest.raises(InvalidInput, match=f"package '{package}': .*already imported from {loaded}"):
+    loaded = sys.modules["problems"].__file__
+    place = file("problems/__init__.py", SIMPLE)
+    with pytest.raises(InvalidInput, match=f"package 'problems': .*already imported from {loaded}"):
         load_problem(f"{place}:small")
+
+
+def test_files_beside_a_problem_stand_in_for_no_module_of_python_or_a_library(file):
+    assert "tabnanny" not in sys.modules
+    for name in ("tabnanny", "pyarrow", "helpers"):
+        file(f"{name}.py", "mine = True")
+    place = file("uses.py", f"import helpers, tabnanny, pyarrow\n{SIMPLE}")
+    assert load_problem(f"{place}:small").n_var == 3
+    module = sys.modules["uses"]
+    assert module.helpers.mine
+    assert not hasattr(module.tabnanny, "mine")
+    assert not hasattr(module.pyarrow, "mine")
+
+
+def test_a_file_with_the_name_of_an_installed_package_is_the_users(file):
+    sys.path.insert(0, str(Path(file("elsewhere/planks.py", "raise AssertionError")).parent))
+    assert load_problem(f"{file('planks.py', SIMPLE)}:small").n_var == 3
+
+
+@pytest.mark.parametrize("name", ["queue", "tabnanny", "json"])
+def test_a_file_with_the_name_of_a_module_of_python_is_refused(file, name):
+    with pytest.raises(InvalidInput, match=f"wanted a name that no module of Python has, got '{name}'; rename yours"):
+        load_problem(f"{file(f'{name}.py', SIMPLE)}:small")
 
 
 def test_the_fingerprint_tells_what_makes_genes_mean_something_else():

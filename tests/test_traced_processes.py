@@ -36,6 +36,7 @@ OTHERS = """
 def single() -> Tracking:
     return tracking(kinetic_energy)
 """
+NAMED = "--problem", "users_own.py:good"
 FRONT = "import sys, paretoik as pk; front = pk.load_front(sys.argv[1]); print(front.ids, front.motions)"
 
 
@@ -189,21 +190,26 @@ def test_so_does_a_run_that_is_stopped_and_goes_on(desk):
     endless = "--population", "40", "--generations", "100000", "--time-limit", "2"
     seen = desk.paretoik("solve", "users_own.py:good", "--out", "run", *endless)
     check(seen, desk, run, code=5)
-    check(desk.paretoik("resume", "run", "--time-limit", "4"), desk, run, code=5)
+    check(desk.paretoik("resume", "run", "--time-limit", "4", *NAMED), desk, run, code=5)
 
 
 def test_so_do_the_commands_that_work_on_a_run(desk):
     search, run, other = solved(desk, "found"), desk.project / "run", desk.project / "other"
-    check(desk.paretoik("refine", "found", "--out", "run"), desk, run)
+    check(desk.paretoik("refine", "found", "--out", "run", *NAMED), desk, run)
     shutil.copytree(search, other)
     point = str(first_point(run))
-    check(desk.paretoik("select", "run", "--knee", "--picture", "chosen.png"), desk, run, desk.project / "chosen.png")
+    check(
+        desk.paretoik("select", "run", "--knee", "--picture", "chosen.png", *NAMED),
+        desk,
+        run,
+        desk.project / "chosen.png",
+    )
     moved = "navigate", "run", "--point", point, "--improve", "kinetic_energy", "--allow", "torque_norm"
-    check(desk.paretoik(*moved, "--out", "moved"), desk, desk.project / "moved", run)
-    check(desk.paretoik("verify", "run"), desk)
-    check(desk.paretoik("report", "run"), desk, run)
+    check(desk.paretoik(*moved, "--out", "moved", *NAMED), desk, desk.project / "moved", run)
+    check(desk.paretoik("verify", "run", *NAMED), desk)
+    check(desk.paretoik("report", "run", *NAMED), desk, run)
     exported = "export", "run", "--point", point, "--out", "motion.csv"
-    check(desk.paretoik(*exported), desk, desk.project / "motion.csv")
+    check(desk.paretoik(*exported, *NAMED), desk, desk.project / "motion.csv")
     compared = "compare", "run", "other", "--picture", "both.png", "--merge", "merged"
     check(desk.paretoik(*compared), desk, desk.project / "both.png", desk.project / "merged")
 

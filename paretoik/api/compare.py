@@ -6,7 +6,6 @@ from collections.abc import Sequence, Set
 from dataclasses import replace
 from pathlib import Path
 
-from paretoik.api.load_front import load_front
 from paretoik.call_arguments import check_call
 from paretoik.execution.computation import computed_text
 from paretoik.front.comparison import Comparison
@@ -33,7 +32,7 @@ def compare(*fronts: Front | Path | str, labels: Sequence[str] | None = None) ->
     Comparison of 2 fronts, hypervolume front 1 0.3865, front 2 0.8466 of the merged front's
     """
     named = None if labels is None else read_list("labels", labels, str, "a list of them")
-    loaded = [front if isinstance(front, Front) else load_front(file_path("fronts", front)) for front in fronts]
+    loaded = [front if isinstance(front, Front) else Front.load(file_path("fronts", front)) for front in fronts]
     labels = _labels(fronts) if named is None else named
     return Comparison(fronts=tuple(map(_with_computed_words, loaded)), labels=labels)
 

@@ -6,9 +6,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from paretoik.api.run_problem import check_problem_argument, problem_of_run
+from paretoik.api.run_problem import check_problem_argument, how_to_name, named_problem
 from paretoik.call_arguments import check_call
-from paretoik.errors import InvalidRun, ParetoikError
+from paretoik.errors import InvalidRun
 from paretoik.fingerprint.fingerprint import check_fingerprint
 from paretoik.formulations.stored_motions import restore_motions
 from paretoik.front.front import Front
@@ -20,18 +20,17 @@ from paretoik.user_warnings import warn_user
 
 @check_call
 def load_front(folder: str | Path, problem: Any = None) -> Front:
-    """Return the front of a run folder; its motions are whole where its problem is at hand.
+    """Return the front of a run folder; its motions have their arm if its problem is given.
 
-    That is ``problem``, which may also be its name, "FILE.py:NAME". Without one it is the problem that the run names,
-    where its file lies below the current folder and not beside the run: what a run names is not run for others. Where
-    it cannot be had, motions have joint positions alone, with a warning.
+    ``problem`` is the problem or its name, "FILE.py:NAME", whose file is run. What a run folder names is never run: the
+    folder may come from anybody. Without ``problem`` motions have joint positions only, with a warning.
 
     Raises
     ------
     InvalidRun
-        Where the folder is no run, or damaged, or its motions are not on the path of the problem.
+        If the folder is no run, or damaged, or its motions are not on the path of the problem.
     InvalidInput
-        Where ``problem`` is not the one that the run solved, or cannot be loaded.
+        If ``problem`` is not the one that the run solved, or cannot be loaded.
     """
     folder = file_path("folder", folder)
     check_problem_argument(problem)
@@ -40,18 +39,14 @@ def load_front(folder: str | Path, problem: Any = None) -> Front:
 
 def with_problem(front: Front, folder: Path, problem: Any) -> Front:
     """Return a front that was read from a folder with its problem, as ``load_front`` does, and raise what that does."""
-    try:
-        whole = problem_of_run(folder, front.provenance.get("problem"), problem)
-        if whole is None:
-            return front
-        wish = f"{folder}: wants the problem that the run solved"
-        check_fingerprint(whole, front.provenance.get("fingerprint"), wish=wish)
-    except ParetoikError as error:
-        if problem is not None:
-            raise
-        cause = str(error).removeprefix(f"{folder}: ")
-        warn_user(f"{folder}: motions come without their arm: {cause}")
+    whole, reference = named_problem(problem), front.provenance.get("problem")
+    if whole is None:
+        if reference is not None:
+            text = "motions come without their arm, as the problem is not at hand"
+            warn_user(f"{folder}: {text}: {how_to_name(reference)}")
         return front
+    wish = f"{folder}: wants the problem that the run solved"
+    check_fingerprint(whole, front.provenance.get("fingerprint"), wish=wish)
     try:
         motions = restore_motions(whole, front)
     except InvalidRun as fault:

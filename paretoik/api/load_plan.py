@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from paretoik.api.plan_storage import read_plan
-from paretoik.api.run_problem import check_problem_argument, problem_of_run
+from paretoik.api.run_problem import check_problem_argument, how_to_name, named_problem
 from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput, InvalidRun
 from paretoik.fingerprint.fingerprint import check_fingerprint
@@ -21,22 +21,22 @@ from paretoik.trajectory.plan import Optimum, Plan
 def load_plan(folder: str | Path, problem: Any = None) -> Plan:
     """Return the plan of a run folder, its motions with the arm of ``problem``.
 
-    That may be a problem or its name, "FILE.py:NAME"; by default it is the one that the run names, as ``load_front``
-    has it.
+    ``problem`` is the problem or its name, "FILE.py:NAME", whose file is run; it is always needed.
 
     Raises
     ------
     InvalidRun
-        Where the folder is no run of ``plan``, or damaged, or its motions are not on the path of the problem.
+        If the folder is no run of ``plan``, or damaged, or its motions are not on the path of the problem.
     InvalidInput
-        Where the problem is not at hand, or not the one that was planned.
+        If no problem is given, or another one than was planned.
     """
     folder = file_path("folder", folder)
     check_problem_argument(problem)
     run, columns, stored = read_plan(folder)
-    problem = problem_of_run(folder, run.get("problem"), problem)
+    problem = named_problem(problem)
     if problem is None:
-        raise InvalidInput(f"{folder}: the problem wanted that was planned; load_plan(folder, problem) names it")
+        how = how_to_name(run.get("problem"))
+        raise InvalidInput(f"{folder}: the problem wanted that was planned, got none; {how}")
     check_fingerprint(problem, run.get("fingerprint"), wish=f"{folder}: wants the problem that was planned")
     try:
         motions = motions_of_task(problem, stored, columns["id"])

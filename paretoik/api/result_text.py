@@ -13,6 +13,7 @@ from paretoik.formulations.protocol import is_loop
 from paretoik.front.certificate_text import certificate_text
 from paretoik.front.choices import preference_data
 from paretoik.review.limits_between import describe_limits_between
+from paretoik.run_files import problem_words
 from paretoik.shell_command import shell_command
 from paretoik.tables import columns
 
@@ -28,8 +29,9 @@ def result_text(front: Front, out: Path) -> str:
     lines = _loop_lines(front) if is_loop(front) else _front_lines(front)
     if (command := resume_command(out, front.provenance["status"])) is not None:
         lines.append(f"go on:   {command}")
-    lines.append(f"choose:  {shell_command('paretoik', 'select', out, *_preference_words(front))}")
-    lines.append(f"replay:  {shell_command('paretoik', 'show', out)}")
+    named = problem_words(front.provenance.get("problem"))
+    lines.append(f"choose:  {shell_command('paretoik', 'select', out, *_preference_words(front), *named)}")
+    lines.append(f"replay:  {shell_command('paretoik', 'show', out, *named)}")
     return "\n".join(lines)
 
 

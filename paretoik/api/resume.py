@@ -15,7 +15,7 @@ from paretoik.api.initial import INITIAL
 from paretoik.api.plan import plan
 from paretoik.api.progress import Observer
 from paretoik.api.refine import refine
-from paretoik.api.run_problem import check_problem_argument, problem_of_run
+from paretoik.api.run_problem import check_problem_argument, how_to_name, named_problem
 from paretoik.api.run_session import SOURCE, StoppedRun
 from paretoik.api.solve import solve
 from paretoik.call_arguments import check_call
@@ -62,7 +62,7 @@ def resume(
     folder
         Folder of a run of ``solve``, ``plan``, ``epsilon_front`` or ``refine``.
     problem
-        What the run solves, or its name, "FILE.py:NAME"; by default what the run names, as ``load_front`` has it.
+        Problem that the run solves, or its name, "FILE.py:NAME", whose file is run.
     algorithm
         The pymoo algorithm, with the same settings, of a run of ``solve`` that was given one.
     time_limit
@@ -107,9 +107,10 @@ def _call(folder: Path, problem: Any, algorithm: Any) -> tuple[Callable[..., Fro
     """Return the verb that a run began with, and its arguments; raises as ``resume`` does."""
     run = _read_stopped(folder)
     _check_versions(folder, run)
-    problem = problem_of_run(folder, run.get("problem"), problem)
+    problem = named_problem(problem)
     if problem is None:
-        raise InvalidInput(f"{folder}: the problem wanted that the run solves; resume(folder, problem) names it")
+        how = how_to_name(run.get("problem"))
+        raise InvalidInput(f"{folder}: the problem wanted that the run solves, got none; {how}")
     check_fingerprint(problem, run.get("fingerprint"), wish=f"{folder}: wants the problem that the run solves")
     verb, settings = VERBS.get(str(run.get("verb"))), run.get("settings")
     if verb is None:

@@ -6,11 +6,9 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from paretoik.api.run_problem import check_own
-from paretoik.errors import InvalidInput
 from paretoik.formulations.protocol import is_loop
 from paretoik.review.run_words import ending_words
-from paretoik.run_files import DRAWING, RUN, STOPPED, can_resume, read_run
+from paretoik.run_files import DRAWING, RUN, STOPPED, can_resume, problem_words, read_run
 from paretoik.shell_command import shell_command
 from paretoik.tables import columns
 
@@ -68,7 +66,8 @@ def plan_text(plan: Plan, name: str, unit: str, out: Path) -> str:
         lines.append(f"pictured in {out / DRAWING}")
     if (command := resume_command(out, status)) is not None:
         lines.append(f"go on:   {command}")
-    lines.append(f"export:  {shell_command('paretoik', 'export', out, '--point', '0')}")
+    named = problem_words(plan.provenance.get("problem"))
+    lines.append(f"export:  {shell_command('paretoik', 'export', out, '--point', '0', *named)}")
     return "\n".join(lines)
 
 
@@ -76,12 +75,7 @@ def resume_command(folder: Path, status: object = "interrupted") -> str | None:
     """Return the command by which a run goes on that has a ``status``; None where it was not stopped, or cannot."""
     if status not in STOPPED or not can_resume(folder):
         return None
-    reference, named = read_run(folder / RUN).get("problem"), list[str]()
-    try:
-        check_own(folder, reference)
-    except InvalidInput:  # a problem that is loaded where it is named alone
-        named = [] if reference is None else ["--problem", str(reference)]
-    return shell_command("paretoik", "resume", folder, *named)
+    return shell_command("paretoik", "resume", folder, *problem_words(read_run(folder / RUN).get("problem")))
 
 
 def optima_entries(plan: Plan) -> list[dict[str, Any]]:

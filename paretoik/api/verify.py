@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from paretoik.api.progress import Observer, count_observer
 from paretoik.api.progress_display import open_observer
-from paretoik.api.run_problem import check_problem_argument, problem_of_run
+from paretoik.api.run_problem import check_problem_argument, how_to_name, named_problem
 from paretoik.call_arguments import check_call
-from paretoik.errors import ParetoikError
 from paretoik.file_replacement import without_writers
 from paretoik.fingerprint.fingerprint import fingerprint
 from paretoik.inputs import file_path
@@ -24,8 +23,8 @@ def verify(folder: str | Path, problem: Any = None, *, observe: Observer | bool 
 
     The files, motions at their samples and between them, limits, collisions, objectives and certificates are checked by
     SciPy and Pinocchio, which ``pip install "paretoik[verify]"`` brings; no kernel is shared with what made the run.
-    The problem is ``problem``, which may also be its name, or the one that the run names, as for ``load_front``; of it
-    the numbers and a user's functions count. Of a polygon it is the arm. ``passed`` says whether nothing failed,
+    ``problem`` is the problem or its name, as for ``load_front``; its numbers and a user's functions count. The problem
+    of a polygon is the arm. ``passed`` says whether nothing failed,
     ``unchecked`` what nobody looked at. ``observe`` learns how many points are checked, as that of ``refine`` does.
 
     Raises
@@ -44,17 +43,10 @@ def verify(folder: str | Path, problem: Any = None, *, observe: Observer | bool 
     import_pinocchio()  # without it nothing is checked: that is known before any work
     with without_writers(path):
         run = read_contents(path)
-    reference = run.entries.get("problem")
-    if problem is None and reference is None:
-        reason = "the run names no problem; verify(folder, problem) does"
-    try:
-        whole = problem_of_run(path, reference, problem)
-    except ParetoikError as error:
-        if problem is not None:
-            raise
-        reason, whole = f"the problem that the run names cannot be had: {error}", None
-    problem = whole
-    if problem is not None and {"objectives", "objective"} & run.entries.keys():
+    problem = named_problem(problem)
+    if problem is None:
+        reason = f"the run's problem is not at hand: {how_to_name(run.entries.get('problem'))}"
+    elif {"objectives", "objective"} & run.entries.keys():
         same = fingerprint(problem) == run.entries.get("fingerprint")
     with open_observer(observe) as observer:
         show = count_observer(observer, "verification", uniform=True)

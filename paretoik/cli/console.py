@@ -101,6 +101,14 @@ def print_error(text: str, error: BaseException) -> None:
         print_message("note:", "yellow", note)
 
 
+def has_agreed(question: str) -> bool:
+    """Ask on the terminal and return whether the answer is yes; without a terminal it is no."""
+    if not all(getattr(stream, "isatty", bool)() for stream in (sys.stdin, sys.stderr)):
+        return False
+    print(f"{_one_line(question)} [y/N] ", end="", file=sys.stderr, flush=True)
+    return sys.stdin.readline().strip().lower() in ("y", "yes")
+
+
 def _one_line(text: str) -> str:
     """Return text as a line in which nothing steers a terminal."""
     line = " ".join(filter(None, map(str.strip, text.splitlines())))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from paretoik.cli.console import JsonFlag, RunFolder, print_json, stdout_for_results
-from paretoik.cli.options import RunProblem
+from paretoik.cli.options import RunProblem, agreed_problem
 from paretoik.errors import InvalidInput
 
 if TYPE_CHECKING:  # so that the command line starts quickly
@@ -65,7 +65,8 @@ def export(
         from paretoik.loading import load_value
 
         limits = load_value("controller", controller) if controller is not None and ":" in controller else controller
-        id, motion, about, which = (_optimum if holds_plan(run) else _point)(run, point, problem)
+        named = agreed_problem(run, problem, needed=True)
+        id, motion, about, which = (_optimum if holds_plan(run) else _point)(run, point, named)
         place = out or run / f"point-{id}{ENDINGS[format or 'csv']}"
         trajectory = export_motion(
             motion,

@@ -9,9 +9,10 @@ import typer
 
 from paretoik.api.result_text import choice_text, entries
 from paretoik.cli.console import JsonFlag, RunFolder, print_json, stdout_for_results
-from paretoik.cli.options import RunProblem
+from paretoik.cli.options import RunProblem, agreed_problem
 from paretoik.front.front import Front
 from paretoik.front.provenance import NAVIGATIONS
+from paretoik.run_files import problem_words
 from paretoik.shell_command import shell_command
 
 
@@ -52,7 +53,7 @@ def navigate(
             to=to,
             out=out,
             overwrite=overwrite,
-            problem=problem,
+            problem=agreed_problem(run, problem, needed=True),
         )
     start = front.provenance[NAVIGATIONS][-1]["from"]
     if as_json:
@@ -62,7 +63,8 @@ def navigate(
             print(f"from the present choice, point {start}:")
         print(choice_text(front, choice))
         print(f"kept in {place}{_why_beside(front, run) if out is None and place != run else ''}")
-        print(f"export:  {shell_command('paretoik', 'export', place, '--point', str(choice.id))}")
+        named = problem_words(front.provenance.get("problem"))
+        print(f"export:  {shell_command('paretoik', 'export', place, '--point', str(choice.id), *named)}")
 
 
 def _why_beside(front: Front, run: Path) -> str:

@@ -6,7 +6,16 @@ from pathlib import Path
 
 from paretoik.api.progress_display import open_observer
 from paretoik.cli.console import JsonFlag, QuietFlag, RunFolder, finish_front, says_how_to_go_on, stdout_for_results
-from paretoik.cli.options import ClusterAddress, OutFolder, Overwrite, RunProblem, SolverOption, TimeLimit, Workers
+from paretoik.cli.options import (
+    ClusterAddress,
+    OutFolder,
+    Overwrite,
+    RunProblem,
+    SolverOption,
+    TimeLimit,
+    Workers,
+    agreed_problem,
+)
 from paretoik.errors import InvalidInput
 from paretoik.front.front import Front
 
@@ -36,7 +45,7 @@ def refine(
         from paretoik.api.refine import refine as refine_front
 
         result = refine_front(
-            _open(run, problem),
+            _open(run, agreed_problem(run, problem, needed=True)),
             solver=solver,
             out=out,
             time_limit=time_limit,
@@ -49,14 +58,13 @@ def refine(
 
 
 def _open(run: Path, problem: str | None) -> Front:
-    """Return the front of a run with its problem; raises InvalidInput where that cannot be had."""
+    """Return the front of a run with its problem; raises InvalidInput if there is none."""
     from paretoik.api.load_front import load_front
-    from paretoik.api.run_problem import problem_of_run
 
-    whole = problem_of_run(run, Front.load(run).provenance.get("problem"), problem)
-    if whole is None:
+    front = load_front(run, problem)
+    if problem is None:
         raise InvalidInput(
             f"{run}: wants a run that names its problem, got one made without reference=; --problem FILE.py:NAME does "
             "it, or in Python paretoik.refine(load_front(run), problem)"
         )
-    return load_front(run, whole)
+    return front

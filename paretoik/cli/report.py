@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from paretoik.cli.console import JsonFlag, RunFolder, print_json, stdout_for_results
-from paretoik.cli.options import RunProblem
+from paretoik.cli.options import RunProblem, agreed_problem
 
 
 def report(
@@ -24,7 +24,7 @@ def report(
     with stdout_for_results():
         from paretoik.api.report import report as write_report
 
-        file = write_report(run, out, overwrite=overwrite, problem=problem)
+        file = write_report(run, out, overwrite=overwrite, problem=agreed_problem(run, problem))
     if as_json:
         print_json({"out": file})
     else:

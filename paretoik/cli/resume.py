@@ -8,7 +8,7 @@ import typer
 
 from paretoik.api.progress_display import open_observer
 from paretoik.cli.console import JsonFlag, QuietFlag, RunFolder, finish_front, says_how_to_go_on, stdout_for_results
-from paretoik.cli.options import ClusterAddress, RunProblem, TimeLimit, Workers
+from paretoik.cli.options import ClusterAddress, RunProblem, TimeLimit, Workers, agreed_problem
 from paretoik.cli.plan import finish_plan
 from paretoik.front.front import Front
 from paretoik.run_files import RUN, read_run
@@ -38,7 +38,13 @@ def resume(
         from paretoik.api.resume import resume as resume_run
 
         result = resume_run(
-            run, problem, time_limit=time_limit, workers=workers, cluster=cluster, live=live, observe=observe or False
+            run,
+            agreed_problem(run, problem, needed=True),
+            time_limit=time_limit,
+            workers=workers,
+            cluster=cluster,
+            live=live,
+            observe=observe or False,
         )
     if isinstance(result, Front):
         finish_front(result, run, as_json=as_json)

@@ -11,7 +11,7 @@ import typer
 
 from paretoik.api.progress_display import open_observer
 from paretoik.cli.console import JsonFlag, QuietFlag, RunFolder, exit_code, print_json, stdout_for_results
-from paretoik.cli.options import RunProblem
+from paretoik.cli.options import RunProblem, agreed_problem
 from paretoik.errors import InvalidInput
 from paretoik.run_files import PICTURE_MARK, check_target
 
@@ -106,7 +106,7 @@ def select(
         from paretoik.cli.preference_arguments import read_preference
 
         preference = read_preference(wishes, run=run)
-        front = load_front(run, problem)
+        front = load_front(run, agreed_problem(run, problem))
         with open_observer(not quiet) as observe:
             selected, choice = select_point(front, preference, out=out, overwrite=overwrite, observe=observe or False)
         if picture is not None:
@@ -133,7 +133,7 @@ def _show_history(run: Path, wishes: Mapping[str, object], *, undo: bool, proble
         with stdout_for_results():
             from paretoik.api.select import undo as go_back
 
-            choices = go_back(run, problem)
+            choices = go_back(run, agreed_problem(run, problem))
     else:
         choices = read_choices(run)
     if as_json:

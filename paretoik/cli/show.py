@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from paretoik.cli.console import RunFolder
-from paretoik.cli.options import RunProblem
+from paretoik.cli.options import RunProblem, agreed_problem
 from paretoik.errors import InvalidInput
 from paretoik.missing_files import missing_file
 from paretoik.run_files import DRAWING, RECORDING, RUN, is_run, read_run
@@ -63,7 +63,7 @@ def _with_choice(
     from paretoik.front.compromise import compromise
     from paretoik.review.drawing.chosen_recording import recording_with_choice
 
-    front = load_front(run, problem)
+    front = load_front(run, agreed_problem(run, problem))
     if is_loop(front):
         if point is not None or compare is not None:
             raise InvalidInput("point: a run with a front wanted, got a closed loop, whose only motion is shown anyhow")

@@ -8,7 +8,7 @@ import typer
 
 from paretoik.api.progress_display import open_observer
 from paretoik.cli.console import NOT_VERIFIED, JsonFlag, QuietFlag, RunFolder, print_json, stdout_for_results
-from paretoik.cli.options import RunProblem
+from paretoik.cli.options import RunProblem, agreed_problem
 
 
 def verify(run: RunFolder, problem: RunProblem = None, quiet: QuietFlag = False, as_json: JsonFlag = False) -> None:
@@ -19,7 +19,7 @@ def verify(run: RunFolder, problem: RunProblem = None, quiet: QuietFlag = False,
     with stdout_for_results(), open_observer(not quiet) as observe:
         from paretoik.api.verify import verify as verify_folder
 
-        verification = verify_folder(run, problem, observe=observe or False)
+        verification = verify_folder(run, agreed_problem(run, problem), observe=observe or False)
     if as_json:
         rows = [asdict(row) for row in verification.rows]
         print_json({"run": run, "passed": verification.passed, "rows": rows})

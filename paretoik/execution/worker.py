@@ -1,6 +1,6 @@
 """A worker: a process that computes functions of items for the process that started it, and ends with that one.
 
-``python -P -m paretoik.execution.worker CONNECTION LIFE``, two file descriptors. Messages come and go as pickles.
+Its arguments, CONNECTION and LIFE, are two file descriptors. Messages come and go as pickles.
 """
 
 from __future__ import annotations
@@ -100,7 +100,3 @@ def main() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever started it ends it
     become_worker()
     _serve(Connection(connection))
-
-
-if __name__ == "__main__":
-    main()

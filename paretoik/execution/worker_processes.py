@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import socket
 import subprocess
-import sys
 import time
 from collections import Counter, deque
 from collections.abc import Iterator, Sequence
@@ -18,7 +17,7 @@ import cloudpickle
 
 from paretoik.distribution import Function, Lost, Reply
 from paretoik.errors import SolverFailed
-from paretoik.execution.child_environment import child_environment
+from paretoik.execution.child_environment import child_command
 from paretoik.execution.shipping import pickled
 from paretoik.execution.worker import STARTED, Work
 from paretoik.inputs import check_size
@@ -248,13 +247,13 @@ def _start() -> _Worker:
     ours, theirs = socket.socketpair()
     life, end = os.pipe()
     with theirs:
-        command = [sys.executable, "-P", "-m", "paretoik.execution.worker", str(theirs.fileno()), str(life)]
+        command = child_command("paretoik.execution.worker", str(theirs.fileno()), str(life))
         try:
             process = subprocess.Popen(
                 command,
                 stdin=subprocess.DEVNULL,
                 pass_fds=(theirs.fileno(), life),
-                env={**child_environment(), **ONE_THREAD},
+                env={**os.environ, **ONE_THREAD},
             )
         finally:
             os.close(life)

@@ -30,11 +30,8 @@ def test_another_problem_is_refused_by_its_fingerprint(run):
         load_front(run[0], tracking(velocity=6.5))
 
 
-def test_a_run_whose_problem_is_gone_comes_without_its_arm_and_a_warning(problem, tmp_path):
+def test_a_run_whose_problem_is_not_given_comes_without_its_arm_and_a_warning(problem, tmp_path):
     solve(problem, **QUICK, out=tmp_path / "run", reference="gone.py:problem")
-    with pytest.warns(
-        RuntimeWarning,
-        match=r"motions come without their arm: wanted a problem .* got 'gone\.py:problem', no such file in ",
-    ):
+    with pytest.warns(RuntimeWarning, match=r"without their arm, .*only if you name it: .* --problem gone\.py:problem"):
         front = load_front(tmp_path / "run")
     assert len(front.motions) == len(front)

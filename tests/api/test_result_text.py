@@ -126,6 +126,9 @@ def test_a_refined_run_is_printed_stored_and_drawn_with_its_certificates(tmp_pat
     assert re.search(r"certified: \d+ minimum; criticality", said)
     assert re.search(r"further points could add about \S+ % of the hypervolume", said)
     assert (out / "certificates.png").stat().st_size > 1000
-    chosen = json.loads(output("select", out, "--weights", "kinetic_energy=1", "--json"), parse_constant=pytest.fail)
-    stored = load_front(out)
+    chosen = json.loads(
+        output("select", out, "--weights", "kinetic_energy=1", "--json", "--problem", problem),
+        parse_constant=pytest.fail,
+    )
+    stored = load_front(out, problem)
     assert chosen["certificate"]["kkt_residual"] == stored.certificates.kkt_residual[0]

@@ -1,9 +1,11 @@
-"""Run folders may come from anybody: reading one loads and calls nothing that it names, unless that is the user's."""
+"""Run folders may come from anybody: what one names is loaded only if the user names it, or says yes on a terminal."""
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
+import pty
 import shutil
 import subprocess
 import sys
@@ -13,13 +15,13 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.api.run_problem import check_own
 from paretoik.errors import InvalidInput
 from paretoik.run_files import RECORDING
 
 ROOT = Path(__file__).parents[2]
 EVIL = "import pathlib\npathlib.Path({mark!r}).write_text('run')\ndef problem():\n    return None\nvalue = 3\n"
 HOSTILE = {  # what runs name, by the runs' names
+    "current": "evil.py:problem",
     "python": "os:abort",
     "within": "runs/within/evil.py:problem",
     "value": "runs/value/evil.py:value",
@@ -96,7 +98,7 @@ def strangers(project, run, tmp_path, tmp_path_factory):
         folder = naming(run[0], tmp_path / "runs" / name, reference)
         (folder / "evil.py").write_text(evil)
         shutil.copy(run[0] / RECORDING, folder)
-    for file in (tmp_path / "runs" / "evil.py", tmp_path.parent / "evil.py", outside / "evil.py"):
+    for file in (tmp_path / "evil.py", *(place / "evil.py" for place in (tmp_path / "runs", tmp_path.parent, outside))):
         file.write_text(evil)
     (outside / "evil_module.py").write_text(evil)
     (tmp_path / "papers" / "evil.py").symlink_to(outside / "evil.py")
@@ -105,7 +107,7 @@ def strangers(project, run, tmp_path, tmp_path_factory):
 
 
 def trace(commands: list[list[str]], outside: Path) -> tuple[list[str], list[int]]:
-    """Run commands in one process; return what of the strangers' it imported or ran, and the exit codes."""
+    """Run commands in one process; return which of the strangers' code it imported or ran, and the exit codes."""
     environment = {name: value for name, value in os.environ.items() if "DISPLAY" not in name}
     path = os.pathsep.join([str(ROOT), str(outside)])
     child = subprocess.run(
@@ -126,7 +128,8 @@ def test_nothing_that_a_strangers_run_names_is_imported_or_called(strangers):
     working = [["export", "--rate", "50"], ["navigate", "--point", "0", "--improve", "torque_norm"], ["resume"]]
     working += [["refine", "--out", "runs/refined"]]
     refused = [[verb, f"runs/{name}", *words] for verb, *words in working for name in HOSTILE]
-    reading += [["report", "runs/within"], ["compare", "runs/python", "runs/module"]]
+    reading += [["report", "runs/within"], ["compare", "runs/python", "runs/module"], ["verify", "runs/current"]]
+    reading += [["select", "runs/current", "--undo"]]
     met, codes = trace([*reading, *refused, ["show", "runs/within"]], strangers)
     assert (met, (strangers / "mark").exists()) == ([], False)
     assert codes == [0] * len(reading) + [2] * (len(refused) + 1)  # the viewer finds no screen
@@ -139,29 +142,60 @@ def test_what_a_user_names_is_loaded_and_only_a_problem_is_taken(strangers):
     assert codes == [2, 2]
 
 
-def test_the_projects_problem_is_loaded_unasked(project):
-    assert pk.load_front(project).motions.torque.shape == pk.load_front(project).motions.q.shape
+def test_a_user_names_the_problem_by_its_text_or_as_an_object(project):
+    with pytest.warns(
+        RuntimeWarning, match=r"its file is run only if you name it: .*--problem papers/users_motions\.py"
+    ):
+        front = pk.load_front(project)
+    assert not hasattr(front.motions, "torque")
+    assert front.problem is None
+    named = pk.load_front(project, "papers/users_motions.py:motions")
+    assert pk.load_front(project, named.problem).motions.torque.shape == named.motions.torque.shape
 
 
-def test_a_problem_that_was_edited_since_leaves_the_run_its_positions(project):
+def test_a_problem_that_was_edited_since_is_refused(project):
     file = Path("papers/users_motions.py")
     file.write_text(file.read_text().replace("6.0", "6.5"))
-    with pytest.warns(RuntimeWarning, match="come without their arm: .*got one whose fingerprint is another"):
-        front = pk.load_front(project)
-    assert len(front.motions) == len(front)
     with pytest.raises(InvalidInput, match="whose fingerprint is another"):
         pk.load_front(project, "papers/users_motions.py:motions")
 
 
-def test_a_stranger_is_named_in_one_line_that_says_how_to_have_it(strangers):
+def test_a_stranger_is_named_in_one_line_that_steers_no_terminal(strangers):
     with pytest.warns(RuntimeWarning) as warned:
         front = pk.load_front("runs/escape")
     (text,) = [str(each.message) for each in warned]
-    assert "motions come without their arm: " in text
-    assert "problem=, or --problem FILE.py:NAME, loads one" in text
-    assert "\x1b" not in text
-    assert not hasattr(front.motions, "torque")
+    assert "motions come without their arm" in text
+    assert text.isprintable()
     assert np.isfinite(front.motions.q).all()
+
+
+def on_a_terminal(words: list[str], answer: str) -> tuple[int, str]:
+    """Run a command on a terminal where somebody answers what it asks; return its exit code and what it printed."""
+    pid, terminal = pty.fork()
+    if pid == 0:
+        os.execve(sys.executable, [sys.executable, "-m", "paretoik", *words], os.environ | {"PYTHONPATH": str(ROOT)})
+    printed = b""
+    with contextlib.suppress(OSError):  # which is how its end comes
+        while content := os.read(terminal, 4096):
+            printed += content
+            if printed.endswith(b"[y/N] "):
+                os.write(terminal, answer.encode() + b"\n")
+    os.close(terminal)
+    return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]), printed.decode()
+
+
+def test_on_a_terminal_the_user_is_asked_and_only_a_yes_runs_code(strangers, project):
+    mark = strangers / "mark"
+    code, printed = on_a_terminal(["report", "runs/current"], "n")
+    assert (code, mark.exists()) == (0, False)
+    assert f"runs/current is a run of evil.py:problem. Run the code of {Path.cwd() / 'evil.py'}?" in printed
+    code, printed = on_a_terminal(["export", "runs/current", "--point", "0"], "")
+    assert (code, mark.exists()) == (2, False)
+    assert "export runs/current --point 0 --problem evil.py:problem" in " ".join(printed.split())
+    code, _ = on_a_terminal(["report", "runs/current"], "y")
+    assert (code, mark.exists()) == (2, True)  # it makes no problem
+    code, printed = on_a_terminal(["export", "runs/first", "--point", "0"], "y")
+    assert code == 0, printed
 
 
 def test_a_run_of_another_scheme_says_that_another_version_made_it(run, problem, tmp_path):
@@ -171,45 +205,3 @@ def test_a_run_of_another_scheme_says_that_another_version_made_it(run, problem,
     with pytest.raises(InvalidInput, match=r"a run of another version of paretoik.*whether it is of this problem"):
         pk.load_front(tmp_path / "old", problem)
     assert len(pk.load_front(tmp_path / "old")) == len(front)
-
-
-def test_in_a_projects_folder_a_file_of_another_folder_than_the_runs_is_the_users(project):
-    for run in ("runs/first", "elsewhere", "../elsewhere"):
-        check_own(Path(run), "papers/users_motions.py:motions")
-        check_own(Path(run), f"{Path('papers').resolve()}/users_motions.py:motions")
-    with pytest.raises(InvalidInput, match="lies beside the run"):
-        check_own(Path("papers/run"), "papers/users_motions.py:motions")
-
-
-def test_whoever_is_in_a_runs_folder_is_in_no_project(project, run, monkeypatch):
-    """A stranger's run may hold other runs, and a problem of theirs: all of it came together."""
-    inner = naming(run[0], project / "inner", "evil.py:problem")
-    naming(run[0], Path("elsewhere"), "runs/first/evil.py:problem")
-    elsewhere = Path("elsewhere").resolve()
-    for folder in (project, inner, project / "checkpoint"):
-        folder.mkdir(exist_ok=True)
-        (folder / "evil.py").write_text(EVIL.format(mark=str(elsewhere / "mark")))
-    with pytest.raises(InvalidInput, match=r"lies beside the run|in a run's folder"):
-        check_own(elsewhere, "runs/first/evil.py:problem")
-    for folder in (project.resolve(), project.resolve() / "checkpoint"):
-        monkeypatch.chdir(folder)
-        for opened in (project.resolve(), inner.resolve(), elsewhere):
-            with pytest.raises(InvalidInput, match=r"lies beside the run|in a run's folder"):
-                check_own(opened, "evil.py:problem")
-            with pytest.warns(RuntimeWarning, match="come without their arm"):
-                pk.load_front(opened)
-    assert not (elsewhere / "mark").exists()
-
-
-@pytest.mark.parametrize("home", [".", "papers"])
-def test_the_home_folder_and_those_above_are_no_project(project, monkeypatch, home):
-    check_own(project, "papers/users_motions.py:motions")
-    monkeypatch.setenv("HOME", str(Path(home).resolve()))
-    with pytest.raises(InvalidInput, match="not below a project"):
-        check_own(project, "papers/users_motions.py:motions")
-
-
-def test_the_papers_problems_are_the_projects_from_its_root(monkeypatch, tmp_path):
-    monkeypatch.chdir(ROOT)
-    for run in (ROOT / "runs" / "first", tmp_path / "first"):
-        check_own(run, "problems/tringali_2020.py:energy_torque")

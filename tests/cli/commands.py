@@ -12,6 +12,9 @@ from pathlib import Path
 
 import pytest
 
+import paretoik as pk
+from paretoik.run_files import RUN, read_run
+
 ROOT = Path(__file__).parents[2]
 PANDA = str(ROOT / "problems" / "robots" / "panda.urdf")
 SMALL = ("--population", "8", "--generations", "3")
@@ -58,6 +61,11 @@ class Ended:
     code: int
     out: str
     err: str
+
+
+def load_front(run: Path) -> pk.Front:
+    """Return the front of a run with the problem that it names."""
+    return pk.load_front(run, read_run(run / RUN)["problem"])
 
 
 def strict(text: str) -> object:

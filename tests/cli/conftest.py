@@ -10,9 +10,9 @@ from tests.cli.commands import MINE, SMALL, Ended
 
 
 @pytest.fixture(autouse=True)
-def project(monkeypatch, tmp_path_factory):
-    """Work in a folder that all problems and runs of these tests are below, as in a user's project."""
-    monkeypatch.chdir(tmp_path_factory.getbasetemp())
+def agreeing(monkeypatch):
+    """Say yes to the question whether the code of a run's problem may be run."""
+    monkeypatch.setattr("paretoik.cli.options.has_agreed", lambda _: True)
 
 
 @pytest.fixture

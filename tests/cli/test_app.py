@@ -1,9 +1,9 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -106,18 +106,11 @@ def test_words_that_make_no_command_are_one_line_with_name_wish_and_fact(paretoi
     assert message in ended.err
 
 
-def test_a_warning_is_one_line_on_stderr(mine, finished, tmp_path):
-    moved = tmp_path / "moved"
-    moved.mkdir()
-    for file in finished.iterdir():
-        (moved / file.name).write_bytes(file.read_bytes())
-    elsewhere = Path(mine).rename(Path(mine).with_suffix(".gone"))
-    try:
-        command = [sys.executable, "-m", "paretoik", "select", str(moved), "--weights", "torque_norm=1"]
-        environment = os.environ | {"PYTHONPATH": str(ROOT)}
-        ended = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True)
-    finally:
-        elsewhere.rename(mine)
+def test_a_warning_is_one_line_on_stderr(finished, tmp_path):
+    copy = shutil.copytree(finished, tmp_path / "copy")
+    command = [sys.executable, "-m", "paretoik", "select", str(copy), "--weights", "torque_norm=1"]
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    ended = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True)
     assert ended.stderr.startswith("warning: ")
     assert "motions come without their arm" in ended.stderr
     assert ended.stderr.count("\n") == 1

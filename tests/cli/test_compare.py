@@ -10,9 +10,9 @@ def test_compare_prints_tables_draws_and_keeps_the_merged_front(paretoik, finish
     ended = paretoik(*words)
     assert ended.code == 0
     assert "hypervolume" in ended.out
-    assert f"{merged}: {len(pk.load_front(finished))} points" in ended.out
+    assert f"{merged}: {len(pk.Front.load(finished))} points" in ended.out
     assert picture.read_bytes().startswith(b"\x89PNG")
-    assert len(pk.load_front(merged)) == len(pk.load_front(finished))
+    assert len(pk.Front.load(merged)) == len(pk.Front.load(finished))
     assert paretoik(*words).code == 2  # a run is there already
     assert paretoik(*words, "--overwrite").code == 0
 
@@ -28,12 +28,12 @@ def test_the_merged_front_replaces_none_of_those_that_are_compared(paretoik, fin
 def test_a_picture_replaces_a_picture_and_nothing_else_unless_told(paretoik, finished, tmp_path):
     picture = tmp_path / "fronts.png"
     picture.write_text("mine")
-    choices = pk.load_front(finished).choices
+    choices = pk.Front.load(finished).choices
     words = "compare", finished, finished, "--picture"
     for file in (picture, finished / "run.json", finished):
         assert paretoik(*words, file).code == 2
     assert paretoik("select", finished, "--knee", "--picture", picture).code == 2
-    assert pk.load_front(finished).choices == choices
+    assert pk.Front.load(finished).choices == choices
     assert picture.read_text() == "mine"
     assert paretoik(*words, picture, "--overwrite").code == 0
     assert paretoik(*words, picture).code == 0
@@ -45,11 +45,11 @@ def test_compare_as_json_holds_the_numbers(paretoik, finished):
     assert said["coverage"] == [[1.0, 1.0], [1.0, 1.0]]
     assert said["differences"] == {}
     assert "merged" not in said
-    front = pk.load_front(finished)
+    front = pk.Front.load(finished)
     assert sorted(said["attainment"]["all"]["median"]) == sorted(front.objectives.tolist())
     assert list(said["attainment"]["labels"]) == [finished.name]  # one label, as of two runs of one method
 
 
 def test_compare_as_json_says_where_the_merged_front_is(paretoik, finished, tmp_path):
     said = strict(paretoik("compare", finished, finished, "--merge", tmp_path / "m", "--json").out)["merged"]
-    assert said == {"out": str(tmp_path / "m"), "points": len(pk.load_front(finished)), "left_out": []}
+    assert said == {"out": str(tmp_path / "m"), "points": len(pk.Front.load(finished)), "left_out": []}

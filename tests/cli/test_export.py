@@ -9,8 +9,7 @@ import shutil
 import numpy as np
 import pytest
 
-from paretoik.api.load_front import load_front
-from tests.cli.commands import PANDA, strict
+from tests.cli.commands import PANDA, load_front, strict
 
 ACROSS = f"""
 from paretoik import Arm, Tracking, kinetic_energy, line, torque_norm

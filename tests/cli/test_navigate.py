@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.api.load_front import load_front
 from paretoik.errors import InvalidInput
 from paretoik.execution.run_folder import LOCK
 from paretoik.loading import load_problem
 from paretoik.review.drawing.recorded_views import ROOTS
 from paretoik.run_files import CHOICES, RECORDING
-from tests.cli.commands import strict
+from tests.cli.commands import load_front, strict
 from tests.review.reading import blank_views, read, views
 
 

@@ -33,15 +33,15 @@ VERBS = {
     "slow solve": "solve MINE:good --out NEW --population 8 --generations 100000 --time-limit 1",
     "plan": "plan MINE:single --out NEW --starts 4",
     "front": "front MINE:good --out NEW --points 3 --starts 4",
-    "refine": "refine RUN --out NEW",
-    "resume": "resume STOPPED --time-limit 60",
-    "select": "select RUN --knee",
-    "navigate": "navigate CERTIFIED --point POINT --improve kinetic_energy --out NEW",
-    "show": "show RUN",
-    "export": "export RUN --point 0 --out NEW.csv",
-    "report": "report RUN --out NEW.html",
+    "refine": "refine RUN --out NEW --problem MINE:good",
+    "resume": "resume STOPPED --time-limit 60 --problem MINE:good",
+    "select": "select RUN --knee --problem MINE:good",
+    "navigate": "navigate CERTIFIED --point POINT --improve kinetic_energy --out NEW --problem MINE:good",
+    "show": "show RUN --problem MINE:good",
+    "export": "export RUN --point 0 --out NEW.csv --problem MINE:good",
+    "report": "report RUN --out NEW.html --problem MINE:good",
     "compare": "compare RUN CERTIFIED",
-    "verify": "verify RUN",
+    "verify": "verify RUN --problem MINE:good",
     "check-robot": f"check-robot {shlex.quote(PANDA)}",
     "help": "--help",
     "help of a verb": "solve --help",
@@ -93,7 +93,9 @@ def place(tmp_path_factory) -> Place:
         assert ended(f"{shlex.quote(sys.executable)} -m paretoik {words}", folder).returncode == 0
     stopped = "solve users.py:good --out stopped --population 60 --generations 200 --time-limit 0.05"
     assert ended(f"{shlex.quote(sys.executable)} -m paretoik {stopped}", folder).returncode == 5
-    point = ended(f"{shlex.quote(sys.executable)} -m paretoik select certified --compromise", folder).stdout.split()[1]
+    point = ended(
+        f"{shlex.quote(sys.executable)} -m paretoik select certified --compromise --problem users.py:good", folder
+    ).stdout.split()[1]
     return Place(folder=folder, point=point)
 
 

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.api.load_front import load_front
 from paretoik.run_files import RECORDING
-from tests.cli.commands import SMALL, strict
+from tests.cli.commands import SMALL, load_front, strict
 from tests.review.reading import read, static_values
 
 

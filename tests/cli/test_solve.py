@@ -9,10 +9,9 @@ import time
 import pytest
 import rerun as rr
 
-from paretoik.api.load_front import load_front
 from paretoik.errors import InvalidInput
 from paretoik.execution.run_folder import claim_folder
-from tests.cli.commands import SMALL, first_progress, started, strict
+from tests.cli.commands import SMALL, first_progress, load_front, started, strict
 from tests.review.children import children, wait_for_end
 
 

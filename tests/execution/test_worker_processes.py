@@ -182,3 +182,33 @@ def test_a_worker_that_is_stopped_for_a_moment_goes_on():
 def test_workers_have_one_thread_each_and_ignore_an_interruption_from_the_keyboard(workers):
     facts = values(workers.replies(work.surroundings, None, [0]))[0]
     assert facts == {"OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1", "threads": 1, "ignores": True}
+
+
+PLANTED = "secrets", "queue", "random", "numpy", "json", "socket", "rerun", "cloudpickle", "dataclasses"
+PROBLEM = """
+import helpers
+from pymoo.core.problem import ElementwiseProblem
+
+class Bowl(ElementwiseProblem):
+    def __init__(self):
+        super().__init__(n_var=2, n_obj=2, xl=0.0, xu=1.0)
+
+    def _evaluate(self, x, out):
+        out["F"] = helpers.values(x)
+"""
+
+
+@pytest.mark.parametrize("options", [("--workers=2",), ("--evaluation-timeout=60",), ()])
+def test_files_beside_a_problem_never_run_in_place_of_modules_of_python_or_libraries(tmp_path, options):
+    mark, place = tmp_path / "mark", tmp_path / "project"
+    place.mkdir()
+    for name in PLANTED:
+        (place / f"{name}.py").write_text(f"open({str(mark)!r}, 'a').write({name!r})")
+    (place / "helpers.py").write_text("def values(x):\n    return [x[0], (1 - x[0]) ** 2 + x[1]]\n")
+    (place / "mine.py").write_text(PROBLEM)
+    words = ["solve", "mine.py:Bowl", "--out=run", "--population=8", "--generations=2", *options]
+    command = [sys.executable, "-P", "-m", "paretoik", *words]
+    ended = subprocess.run(command, cwd=place, capture_output=True, text=True, check=False)
+    assert ended.returncode == 0, ended.stderr
+    assert not mark.exists(), mark.read_text()
+    assert (place / "run" / "review.rrd").stat().st_size > 0

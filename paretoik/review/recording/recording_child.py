@@ -1,4 +1,4 @@
-"""The process that records: ``python -m paretoik.review.recording.recording_child``, started by ``recording_process``.
+"""The process that records, started by ``recording_process``.
 
 It reads messages from stdin and answers on stdout, a line of JSON a message. It ends with its parent, by whatever
 death: then it completes the file with what it has.
@@ -106,7 +106,3 @@ def _record(parent: Parent) -> None:
     finally:
         if recording is not None:
             recording.close()
-
-
-if __name__ == "__main__":
-    main()

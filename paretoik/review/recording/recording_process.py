@@ -13,7 +13,6 @@ import pickle
 import select
 import signal
 import subprocess
-import sys
 import tempfile
 import time
 from collections import deque
@@ -25,7 +24,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal, NoReturn
 
-from paretoik.execution.child_environment import child_environment
+from paretoik.execution.child_environment import child_command
 
 Kind = Literal["open", "record", "end"]
 HEADER = 8  # bytes before a message: its length, big end first
@@ -101,12 +100,11 @@ class RecordingProcess:
         self._full = False  # the pipe, when it was last written to
         self._log = tempfile.TemporaryFile()  # noqa: SIM115  what the child has to say, should it die
         self._child = subprocess.Popen(
-            [sys.executable, "-P", "-m", "paretoik.review.recording.recording_child"],
+            child_command("paretoik.review.recording.recording_child"),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self._log,
             bufsize=0,
-            env=child_environment(),
             start_new_session=True,  # Ctrl-C in the terminal is for the run
         )
         assert self._child.stdin is not None
