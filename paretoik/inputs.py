@@ -7,7 +7,7 @@ message, whatever its own text is.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
 from numbers import Integral
@@ -61,7 +61,7 @@ def shown(value: object) -> str:
     """Return a value as an error shows it: its representation, short and on one line, whatever class it is of."""
     try:
         text = _REPR.repr(value)
-    except Exception:  # such as an integer of more digits than Python writes
+    except BaseException:  # such as an integer of more digits than Python writes, or an object whose text raises
         text = f"a {type(value).__name__}"
     return clipped(" ".join(text.split()))
 
@@ -254,9 +254,12 @@ def check_instance(
 
 
 def read_list(name: str, value: object, kind: type | UnionType | tuple[type, ...], wish: str) -> tuple[Any, ...]:
-    """Return the items, of a ``kind``, of a list or what is alike; raises InvalidInput, by ``name``, for others."""
+    """Return the items, of a ``kind``, of a list or the like; raises InvalidInput, by ``name``, for others.
+
+    Generators are refused: they have their items only once.
+    """
     refusal = InvalidInput(f"{name}: {wish} wanted, got {shown(value)}")
-    if isinstance(value, str | bytes | Mapping):
+    if isinstance(value, str | bytes | Mapping | Iterator):
         raise refusal
     try:
         items: tuple[Any, ...] = tuple(value)  # type: ignore[arg-type]

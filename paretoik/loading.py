@@ -17,6 +17,7 @@ from paretoik.formulations.protocol import timeline
 from paretoik.inputs import is_integer, likely_spelling, listed, shown
 from paretoik.missing_files import missing_file
 from paretoik.shell_command import shell_command
+from paretoik.user_functions import attribute_of, cause_of, is_ctrl_c
 
 LONGEST = 200  # characters of a reference that is shown whole
 
@@ -109,7 +110,9 @@ def _import_module(place: str, what: str = "problem") -> ModuleType:
                 f"module {shown(dotted)}: wanted FILE.py or a module, got no module {shown(missing)}{hint}"
             ) from error
         raise InvalidInput(f"{what} file {place}: wanted to load it, got no module {missing!r} installed") from error
-    except (Exception, SystemExit) as error:  # a user's file may raise anything
+    except BaseException as error:  # a user's file may raise anything
+        if is_ctrl_c(error):
+            raise
         file = str(path.resolve()) if path.suffix == ".py" else None
         raise InvalidInput(f"{what} file {place}: wanted to load it, got {_summary(error, file)}") from error
 
@@ -191,7 +194,7 @@ def _function_of(value: object) -> Callable[..., Any] | None:
         return None
     try:
         function = inspect.unwrap(value)
-    except Exception:  # a user's object may answer anything, without end
+    except BaseException:  # a user's object may answer anything, without end
         return None
     return function if inspect.isfunction(function) else None
 
@@ -229,7 +232,9 @@ def _call(function: Any, module: ModuleType, reference: str) -> Any:
         return function()
     except ParetoikError:
         raise
-    except Exception as error:  # a user's function may raise anything
+    except BaseException as error:  # a user's function may raise anything
+        if is_ctrl_c(error):
+            raise
         summary = _summary(error, getattr(module, "__file__", None))
         raise InvalidInput(f"problem {_quoted(reference)}: wanted to build it, got {summary}") from error
 
@@ -244,13 +249,13 @@ def _required_arguments(function: Any) -> list[str]:
 
 
 def _is_problem(value: object) -> bool:
-    if inspect.isclass(value) or not (hasattr(value, "evaluate") or timeline(value) == "step"):
-        return False
-    return all(is_integer(getattr(value, name, None)) for name in ("n_var", "n_obj"))
+    is_one = attribute_of(value, "evaluate") is not None or attribute_of(value, "timeline") == "step"
+    numbers = [attribute_of(value, name) for name in ("n_var", "n_obj")]
+    return is_one and not inspect.isclass(value) and all(map(is_integer, numbers))
 
 
 def _summary(error: BaseException, file: str | None) -> str:
     """Return an error in one line, with the last line of ``file`` in its traceback."""
     lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == file]
     where = f" in line {lines[-1]}" if lines else ""
-    return f"{type(error).__name__}{where}: {' '.join(str(error).split())}"
+    return cause_of(error, where)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from dis import opmap
 from functools import partial
 from typing import Any
 
@@ -12,6 +13,7 @@ import numpy as np
 
 from paretoik.arrays import Objectives
 from paretoik.errors import EvaluationFailed, ParetoikError
+from paretoik.stop_flag import Interrupted
 from paretoik.user_warnings import warn_user
 
 
@@ -32,7 +34,7 @@ def function_name(function: Callable[..., Any], nameless: str = "lambda") -> str
     """
     while isinstance(function, partial):
         function = function.func
-    name = str(getattr(function, "__name__", type(function).__name__))
+    name = str(attribute_of(function, "__name__", type(function).__name__))
     return nameless if name == "<lambda>" else name
 
 
@@ -40,14 +42,34 @@ def function_name(function: Callable[..., Any], nameless: str = "lambda") -> str
 def user_function(name: str, failure: type[ParetoikError] = EvaluationFailed) -> Iterator[None]:
     """Call a user's function in the body: what it raises is raised as ``failure``, by ``name`` and with its cause.
 
-    Our own errors and Ctrl-C pass. What would end the process as if all were well, sys.exit, fails as everything else.
+    Our own errors and Ctrl-C pass; sys.exit and whatever else a user's code raises do not.
     """
     try:
         yield
-    except (ParetoikError, KeyboardInterrupt):
+    except ParetoikError:
         raise
     except BaseException as error:
+        if is_ctrl_c(error):
+            raise
         raise failure(f"{name} raised {cause_of(error)}") from error
+
+
+def is_ctrl_c(error: BaseException) -> bool:
+    """Return whether an error is a KeyboardInterrupt that no code raised by itself, or ours after a signal."""
+    trace = error.__traceback__
+    while trace is not None and trace.tb_next is not None:
+        trace = trace.tb_next
+    if isinstance(error, Interrupted) or not isinstance(error, KeyboardInterrupt) or trace is None:
+        return isinstance(error, Interrupted)
+    return trace.tb_frame.f_code.co_code[trace.tb_lasti] != opmap["RAISE_VARARGS"]
+
+
+def attribute_of(value: object, name: str, default: object = None) -> Any:
+    """Return an attribute of a user's object, the default if it has none or raises."""
+    try:
+        return getattr(value, name, default)
+    except BaseException:  # a user's object may raise anything
+        return default
 
 
 def cause_of(error: BaseException, where: str = "") -> str:
@@ -55,7 +77,7 @@ def cause_of(error: BaseException, where: str = "") -> str:
     kind = f"{type(error).__name__}{where}"
     try:
         text = " ".join(str(error).split())
-    except Exception:  # a user's exception may have a text that raises
+    except BaseException:  # a user's exception may have a text that raises
         return kind
     return f"{kind}: {text}" if text else kind
 

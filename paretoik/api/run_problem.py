@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from paretoik.errors import InvalidInput
+from paretoik.formulations.protocol import timeline
 from paretoik.inputs import shown
 from paretoik.loading import load_problem
 from paretoik.run_files import problem_words
@@ -30,6 +31,7 @@ def how_to_name(reference: object) -> str:
 
 def check_problem_argument(problem: object) -> None:
     """Raise InvalidInput unless this is a problem, the name of one, or None; of a polygon it is the arm."""
+    timeline(problem)
     is_problem = not isinstance(problem, type) and (hasattr(problem, "n_obj") or hasattr(problem, "dof"))
     if problem is not None and not isinstance(problem, str) and not is_problem:
         raise InvalidInput(f"problem: a problem or FILE.py:NAME wanted, got {shown(problem)}")

@@ -45,6 +45,7 @@ from paretoik.arrays import Genes, Objectives, Points
 from paretoik.errors import InvalidInput
 from paretoik.front.front import Front, Preference
 from paretoik.task.limits import LIMIT_TOLERANCE
+from paretoik.user_functions import user_function
 
 if TYPE_CHECKING:  # so that loading a problem stays quick
     from paretoik.nlp.program import Program, Solver
@@ -125,8 +126,12 @@ class Differentiable(Protocol):
 
 
 def timeline(problem: Any) -> Timeline:
-    """Return what a run of a problem counts: the generations of a search, or the steps of a loop."""
-    kind: Timeline = getattr(problem, "timeline", "generation")
+    """Return what a run of a problem counts: the generations of a search, or the steps of a loop.
+
+    Raises InvalidInput if the problem raises when it is asked for an attribute that it may lack.
+    """
+    with user_function("problem: a pymoo problem wanted, got one whose attributes cannot be read: it", InvalidInput):
+        kind: Timeline = getattr(problem, "timeline", "generation")
     return kind
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from paretoik.errors import InvalidInput
-from paretoik.formulations.protocol import Differentiable
+from paretoik.formulations.protocol import Differentiable, timeline
 from paretoik.front.names import check_names
 from paretoik.inputs import shown
 
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 def check_formulation(problem: Any) -> None:
     """Raise InvalidInput unless something has genes and objectives, as pymoo's problems do."""
+    timeline(problem)
     if isinstance(problem, type) or not (hasattr(problem, "n_obj") and hasattr(problem, "n_var")):
         raise InvalidInput(f"problem: a pymoo problem wanted, such as Tracking, got {shown(problem)}")
     if hasattr(problem, "names"):
@@ -24,6 +25,7 @@ def check_formulation(problem: Any) -> None:
 
 def require_program(verb: str, problem: Any) -> Differentiable:
     """Return a formulation that has gradients; raise InvalidInput, naming the verb, for others."""
+    timeline(problem)
     if isinstance(problem, type) or not hasattr(problem, "program"):
         raise InvalidInput(
             f"{verb}: a problem with gradients wanted, such as Tracking, got {type(problem).__name__}, which offers no "

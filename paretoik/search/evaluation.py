@@ -3,19 +3,60 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
 import numpy as np
 from jaxtyping import Int
 
 from paretoik.arrays import Genes
-from paretoik.errors import EvaluationFailed
+from paretoik.errors import EvaluationFailed, InvalidInput
 from paretoik.search.candidates import Outcome
-from paretoik.user_functions import user_function
+from paretoik.user_functions import cause_of, user_function
 
 Rows: TypeAlias = Int[np.ndarray, " _"]  # numbers of rows, as many as there are
 Evaluate: TypeAlias = Callable[[Genes], Mapping[str, Any]]
+
+
+def evaluate_problem(problem: Any, X: Genes) -> Mapping[str, Any]:
+    """Return what a pymoo problem evaluates to; raises InvalidInput for values that pymoo would falsify.
+
+    pymoo drops masks and imaginary parts, and reads numbers from text.
+    """
+    is_covered = "_evaluate" in vars(problem) or not hasattr(problem, "_evaluate")
+    if not is_covered:
+        problem._evaluate = _CheckedEvaluation(problem)
+    try:
+        values: Mapping[str, Any] = problem.evaluate(X, return_as_dictionary=True)
+        return values
+    finally:
+        if not is_covered:
+            del problem._evaluate
+
+
+@dataclass(frozen=True)
+class _CheckedEvaluation:
+    """The ``_evaluate`` of a problem, whose values are checked before pymoo reads them."""
+
+    problem: Any
+
+    def __call__(self, x: Any, out: dict[str, Any], *arguments: Any, **named: Any) -> None:
+        """Evaluate; raises InvalidInput for values that are not real numbers."""
+        type(self.problem)._evaluate(self.problem, x, out, *arguments, **named)
+        for name in ("F", "G", "H"):
+            for values in out[name] if isinstance(out.get(name), list | tuple) else [out.get(name)]:
+                _check_real(f"problem {type(self.problem).__name__}: {name}", values)
+
+
+def _check_real(name: str, values: Any) -> None:
+    """Raise InvalidInput, by ``name``, for masked, complex and textual values; pymoo checks their shape."""
+    try:
+        kind = np.asarray(values).dtype.kind
+    except Exception as error:  # a foreign array may raise anything
+        raise InvalidInput(f"{name}: must hold real numbers, got {cause_of(error)}") from None
+    if np.ma.is_masked(values) or kind not in "fiubO":
+        fact = "masked ones" if np.ma.is_masked(values) else "complex ones" if kind == "c" else "text"
+        raise InvalidInput(f"{name}: must hold real numbers, got {fact}")
 
 
 def evaluate_rows(problem: Any, evaluate: Evaluate, X: Genes) -> Outcome:

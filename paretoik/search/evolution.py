@@ -13,7 +13,7 @@ from paretoik.errors import EvaluationFailed, InvalidInput
 from paretoik.search.ask_tell import Search
 from paretoik.search.constraints import Floats
 from paretoik.search.endings import Ending, Progress
-from paretoik.search.evaluation import Evaluate
+from paretoik.search.evaluation import Evaluate, evaluate_problem
 from paretoik.search.generation_evaluation import Evaluation, evaluate_again, evaluate_candidates
 from paretoik.search.islands import Islands
 from paretoik.user_functions import warn_of_odd_objectives
@@ -41,7 +41,7 @@ def evolve(
     if not endings:
         raise InvalidInput("endings: at least one wanted, got none")
     if evaluate is None:
-        evaluate = partial(search.problem.evaluate, return_as_dictionary=True)
+        evaluate = partial(evaluate_problem, search.problem)
     evaluation = Evaluation(problem=search.problem, evaluate=evaluate, seconds=seconds)
     memory = max(ending.memory for ending in endings)
     past: tuple[Floats, ...] = ()

@@ -11,6 +11,7 @@ from paretoik.errors import InvalidInput
 from paretoik.inputs import check_size, real_array, shown
 from paretoik.search.constraints import Floats
 from paretoik.search.variables import bounds_of, has_real_genes, widths_of, within_reach
+from paretoik.user_functions import user_function
 
 SMALLEST_POPULATION = 4
 
@@ -20,7 +21,8 @@ def check_problem(problem: Any, *, initial: Any = None) -> None:
 
     Bounds may only be missing or infinite where there are ``initial`` genes to start from.
     """
-    check_sizes(problem)
+    with user_function("problem: a pymoo problem wanted, got one whose attributes cannot be read: it", InvalidInput):
+        check_sizes(problem)
     if not has_real_genes(problem):
         raise InvalidInput(
             f"problem genes: real numbers wanted, got {problem.vtype or 'named variables'}; "

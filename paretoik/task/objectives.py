@@ -15,7 +15,7 @@ from paretoik.errors import InvalidInput
 from paretoik.inputs import check_choice, check_flag, check_function, check_text
 from paretoik.tables import html_representation
 from paretoik.task.motion import Motion
-from paretoik.user_functions import function_name, user_function
+from paretoik.user_functions import cause_of, function_name, user_function
 
 Form = Literal["integral", "peak", "terminal", "general"]
 Function = Callable[[Motion], np.ndarray]
@@ -131,6 +131,10 @@ def evaluate_function(name: str, function: Function, motion: Motion, form: Form)
         array = np.asarray(values)
     except ValueError:
         raise InvalidInput(f"{name} {wish}, got rows of unequal length") from None
+    except Exception as error:  # a foreign array may raise anything
+        raise InvalidInput(f"{name} {wish}, got {cause_of(error)}") from None
+    if np.ma.is_masked(values):
+        raise InvalidInput(f"{name} must return real numbers, got masked ones")
     if array.dtype.kind not in "fiub":
         raise InvalidInput(f"{name} must return real numbers, got {array.dtype}")
     if array.shape != shape:

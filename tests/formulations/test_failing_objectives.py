@@ -63,6 +63,11 @@ def test_a_constraint_that_is_nan_makes_the_point_infeasible_and_nothing_else():
     assert all(bool(cause) == bad for cause, bad in zip(out["cause"], failing, strict=True))
 
 
+class Raising:
+    def __array__(self, *_, **__):
+        return 1 / 0
+
+
 @pytest.mark.parametrize(
     ("returns", "words"),
     [
@@ -73,8 +78,11 @@ def test_a_constraint_that_is_nan_makes_the_point_infeasible_and_nothing_else():
         ),
         (lambda motion: motion.dq[..., 0] * 1j, "objective odd must return real numbers, got complex128"),
         (lambda motion: 3.0, r"objective odd \(integral\) must return shape"),
+        (lambda motion: np.ones((1, 2)), r"objective odd \(integral\) must return shape .*, got \(1, 2\)"),
+        (lambda motion: np.ma.masked_less(motion.q[..., 0], np.inf), "odd must return real numbers, got masked ones"),
+        (lambda motion: Raising(), "objective odd .* must return shape .*, got ZeroDivisionError: division by zero"),
     ],
-    ids=["None", "shape", "complex", "scalar"],
+    ids=["None", "shape", "complex", "scalar", "one by two", "masked", "raising"],
 )
 def test_an_objective_that_returns_something_else_is_refused_by_name(returns, words):
     odd = pk.objective(unit="", form="integral", name="odd")(returns)
@@ -95,3 +103,21 @@ def test_an_objective_that_writes_into_its_input_cannot():
     values = evaluate(problem, genes)["F"]
     np.testing.assert_allclose(values[:, 0], kinetic_energy(motions), rtol=1e-12)
     np.testing.assert_array_equal(values[:, 1], motions.q[:, -1, 0])
+
+
+RATES = "q", "time", "dq", "ddq", "jerk", "torque", "power", "kinetic_energy"
+ARRAYS = *RATES, "tool", "tool_rotation", "links", "manipulability", "tracking_error", "position_error"
+
+
+@pytest.mark.parametrize("differences", ["backward", "central", "spline"])
+def test_no_array_of_a_motion_can_be_written_to(differences):
+    writable = set()
+
+    @pk.objective(unit="", form="general")
+    def curious(motion):
+        writable.update(name for name in ARRAYS if getattr(motion, name).flags.writeable)
+        return motion.q[..., -1, 0]
+
+    problem = paper_3r(objectives=[kinetic_energy, curious], differences=differences)
+    evaluate(problem, genes_of(problem, 5))
+    assert not writable

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from itertools import pairwise
 
 import numpy as np
@@ -163,7 +164,7 @@ def test_ctrl_c_during_an_evaluation_keeps_the_result():
         def _evaluate(self, x, out, *args, **kwargs):
             super()._evaluate(x, out)
             if self.calls == 5:  # of four generations: the first row is evaluated twice
-                raise KeyboardInterrupt
+                signal.raise_signal(signal.SIGINT)
 
     running = search(Impatient())
     assert evolve(running, [Generations(50)]) == "interrupted"
