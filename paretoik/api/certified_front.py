@@ -17,6 +17,8 @@ from paretoik.formulations.protocol import Differentiable, Individuals, exceeded
 from paretoik.front.certificates import Certificates
 from paretoik.front.front import Front
 from paretoik.front.indicators import ranges_of, widths_of
+from paretoik.front.provenance import confirmation
+from paretoik.nlp.minimise import chosen_solver
 from paretoik.nlp.program import Solver
 from paretoik.pareto.certificates import OPTIONS as CERTIFICATES
 from paretoik.pareto.certificates import certify
@@ -102,7 +104,9 @@ def certified_front(
     individuals, ids = points.individuals, ids[rows]
     rows = front_rows(individuals.objectives / ranges)
     final = ranges_of(individuals.objectives[rows]) if len(rows) else ranges  # of what the front has become
+    confirmed = int((points.certificates.kkt_residual[rows] <= CERTIFICATES.critical).sum())
     certificates = points.certificates[rows].rescale(ranges, final)
+    method = chosen_solver(formulation.program(ranges), solver)
     return Front(
         ids=ids[rows],
         objectives=individuals.objectives[rows] * signs,
@@ -113,7 +117,11 @@ def certified_front(
         motions=None if individuals.motions is None else individuals.motions[rows],
         violation=certificates.violation,
         certificates=certificates,
-        provenance={"fingerprint": fingerprint(problem), **provenance},
+        provenance={
+            "fingerprint": fingerprint(problem),
+            **provenance,
+            **confirmation(method, confirmed, len(rows)),
+        },
         problem=problem,
     )
 

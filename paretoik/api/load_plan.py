@@ -46,13 +46,21 @@ def load_plan(folder: str | Path, problem: Any = None) -> Plan:
         raise InvalidRun(f"{folder}: wanted motions at the samples of the problem, got others")
     return Plan(
         optima=tuple(
-            Optimum(motion=motion, objective=value, label=branch, status=status, violation_between=violation)
-            for motion, value, branch, status, violation in zip(
+            Optimum(
+                motion=motion,
+                objective=value,
+                label=branch,
+                status=status,
+                violation_between=violation,
+                criticality=criticality,
+            )
+            for motion, value, branch, status, violation, criticality in zip(
                 motions,
                 columns["objective"],
                 columns["branch"],
                 columns["status"],
                 columns["violation_between"],
+                columns["criticality"],
                 strict=True,
             )
         ),

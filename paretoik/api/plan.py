@@ -127,7 +127,7 @@ def plan(
         with recorded, session.computing(time_limit):
             plan = find_optima(starts=starts, seed=seed, initial=initial, solver=solver, observe=display.show_level)
         counts = {"optima": len(plan.optima), "starts": plan.starts, "seconds": round(session.seconds, 3)}
-        ending = {"status": session.stopped_by or "optima", "counts": counts}
+        ending = {"status": session.stopped_by or "optima", "counts": counts, **plan.provenance}
         plan = replace(plan, provenance={**session.provenance, **ending})
         (name,), (unit,), (maximised,) = problem.names, problem.units, problem.maximised
         save = partial(save_plan, plan, name=name, unit=unit, maximised=bool(maximised))

@@ -1,6 +1,7 @@
 """A plan on disk: `run.json`, `optima.parquet` and `motions.npz`, in the format of fronts (``front.storage``).
 
-`optima.parquet` has one row an optimum, best first: id, the objective by its name, violation_between, status, branch.
+`optima.parquet` has one row an optimum, best first: id, the objective by its name, violation_between, criticality,
+status, branch.
 `motions.npz` has id, joint_names (dof,), time (optima, time), q (optima, time, dof).
 """
 
@@ -87,6 +88,7 @@ def _optima_bytes(plan: Plan, name: str, unit: str) -> bytes:
         "id": pa.array(range(len(optima)), pa.int64()),
         name: pa.array([each.objective for each in optima], pa.float64()),
         "violation_between": pa.array([each.violation_between for each in optima], pa.float64()),
+        "criticality": pa.array([each.criticality for each in optima], pa.float64()),
         "status": pa.array([each.status for each in optima], pa.string()),
         "branch": pa.array([each.label for each in optima], pa.string()),
     }
@@ -116,11 +118,14 @@ def _read_optima(file: Path, content: bytes, name: str) -> dict[str, list[Any]]:
         "id": pa.int64(),
         name: pa.float64(),
         "violation_between": pa.float64(),
+        "criticality": pa.float64(),
         "status": pa.string(),
         "branch": pa.string(),
     }
     try:
         table = read_table(content)
+        if "criticality" not in table.column_names:  # older runs have none
+            table = table.append_column("criticality", pa.array(np.full(len(table), np.nan)))
         columns = {key: table.column(key).cast(kind).to_pylist() for key, kind in kinds.items()}
     except Exception as fault:  # whatever the parser trips over is the file's fault
         cause = (str(fault).splitlines() or [type(fault).__name__])[0]

@@ -29,6 +29,7 @@ from paretoik.formulations.protocol import Differentiable
 from paretoik.formulations.requirements import require_program
 from paretoik.front.front import Front
 from paretoik.front.indicators import ranges_of
+from paretoik.front.provenance import SOLVERS
 from paretoik.inputs import check_flag, file_path, shown
 from paretoik.nlp.minimise import check_solver
 from paretoik.nlp.program import Solver
@@ -145,6 +146,7 @@ def refine(
             refined = refine_front(front, problem, solver=solver, observe=session.observe or False)
         counts = {**refined.provenance["refined"], "improved": improved_points(front, refined)}
         ending = {"status": session.stopped_by or "refined", "counts": counts, "parent": former}
+        ending[SOLVERS] = refined.provenance[SOLVERS]
         refined = replace(refined, provenance={**session.provenance, **ending})
         session.finish(refined)
         with session.reviewing():

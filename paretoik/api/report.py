@@ -18,6 +18,7 @@ from paretoik.formulations.protocol import is_loop
 from paretoik.front.certificate_text import certificate_text
 from paretoik.front.front import Front
 from paretoik.front.joint_motions import StoredMotions
+from paretoik.front.provenance import confirmation_text
 from paretoik.front.reason import list_words
 from paretoik.front.subset import attach
 from paretoik.inputs import check_flag, file_path, shown
@@ -107,7 +108,11 @@ def _notes(front: Front) -> list[str]:
             "Of motions there are joint positions alone, as the problem is not at hand: "
             "pk.report(folder, problem=problem), or --problem FILE.py:NAME, shows the rest."
         )
-    return [note for note in (*notes, gap_text(front), describe_limits_between(front)) if note]
+    return [
+        note
+        for note in (*notes, confirmation_text(front.provenance), gap_text(front), describe_limits_between(front))
+        if note
+    ]
 
 
 def _steps(front: Front, folder: Path | None) -> Steps | None:

@@ -12,6 +12,7 @@ from paretoik.api.run_text import resume_command, status_text
 from paretoik.formulations.protocol import is_loop
 from paretoik.front.certificate_text import certificate_text
 from paretoik.front.choices import preference_data
+from paretoik.front.provenance import confirmation_text
 from paretoik.review.limits_between import describe_limits_between
 from paretoik.run_files import problem_words
 from paretoik.shell_command import shell_command
@@ -71,7 +72,7 @@ def _front_lines(front: Front) -> list[str]:
     lines.append(columns(rows))
     if front.certificates is not None:
         lines.append(certificate_text(front.certificates))
-    lines += filter(None, [gap_text(front), describe_limits_between(front)])
+    lines += filter(None, [confirmation_text(front.provenance), gap_text(front), describe_limits_between(front)])
     if counts.get("failed"):
         lines.append(f"{counts['failed']} evaluations failed, the first with: {counts['first_cause']}")
     return lines

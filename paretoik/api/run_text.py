@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from paretoik.formulations.protocol import is_loop
+from paretoik.front.provenance import confirmation_text
 from paretoik.review.run_words import ending_words
 from paretoik.run_files import DRAWING, RUN, STOPPED, can_resume, problem_words, read_run
 from paretoik.shell_command import shell_command
@@ -62,6 +63,7 @@ def plan_text(plan: Plan, name: str, unit: str, out: Path) -> str:
     for rank, each in enumerate(plan.optima):
         rows.append((str(rank), f"{each.objective:.6g}", each.label, each.status, _kept(each.violation_between)))
     lines.append(columns(rows))
+    lines += filter(None, [confirmation_text(plan.provenance)])
     if (out / DRAWING).exists():  # not after a signal
         lines.append(f"pictured in {out / DRAWING}")
     if (command := resume_command(out, status)) is not None:
@@ -87,6 +89,7 @@ def optima_entries(plan: Plan) -> list[dict[str, Any]]:
             "branch": each.label,
             "status": each.status,
             "violation_between": each.violation_between,
+            "criticality": each.criticality,
         }
         for rank, each in enumerate(plan.optima)
     ]

@@ -9,7 +9,7 @@ from importlib.metadata import version
 
 import numpy as np
 
-PACKAGES = ("paretoik", "pymoo", "numpy", "scipy", "numba", "clarabel")  # whose versions a result depends on
+PACKAGES = ("paretoik", "pymoo", "numpy", "scipy", "numba", "cvxpy", "clarabel")  # whose versions a result depends on
 
 
 def versions() -> dict[str, str]:

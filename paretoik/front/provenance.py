@@ -9,6 +9,26 @@ NAVIGATIONS, LARGEST_ID = "navigations", "largest_id"  # entries: moves that wer
 COMPARED = ("problem", "fingerprint", "settings", "versions", "computed", "status")  # counts and seconds always differ
 
 
+SOLVERS = "solvers"  # entry: who refined points, and how many of them a convex program confirmed
+REFINED_BY = {"interior-point": "the interior-point method", "sqp": "SQP (cvxpy, Clarabel)"}
+
+
+def confirmation(solver: str, confirmed: int, points: int) -> dict[str, dict[str, Any]]:
+    """Return the entry of who refined points, and how many of all are confirmed to be critical."""
+    by = {"refinement": solver, "criticality": "cvxpy, Clarabel"}
+    return {SOLVERS: {**by, "confirmed": confirmed, "points": points}}
+
+
+def confirmation_text(provenance: Mapping[str, Any]) -> str:
+    """Return who refined and who confirmed points, in a line; "" if that is not known."""
+    match provenance.get(SOLVERS):
+        case {"refinement": solver, "confirmed": int(confirmed), "points": int(points)}:
+            confirmed_by = "a convex subproblem, stated in cvxpy and solved by Clarabel"
+            by = REFINED_BY.get(solver, solver)
+            return f"refined by {by}; {confirmed} of {points} points confirmed as critical by {confirmed_by}"
+    return ""
+
+
 def flatten(entries: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
     """Return nested entries as text by name.
 

@@ -18,26 +18,7 @@ from jaxtyping import Bool, Float
 from scipy import sparse
 
 from paretoik.errors import SolverFailed
-from paretoik.nlp.conic import Constraints
-
-
-class Structure(NamedTuple):
-    """The shape of a sparse matrix and where its entries stand, in compressed sparse rows."""
-
-    shape: tuple[int, int]
-    indptr: bytes
-    indices: bytes
-
-    @classmethod
-    def of(cls, matrix: sparse.csr_array) -> Structure:
-        """Return that of a matrix."""
-        return cls(matrix.shape, matrix.indptr.astype(np.int32).tobytes(), matrix.indices.astype(np.int32).tobytes())
-
-    @property
-    def places(self) -> tuple[np.ndarray, np.ndarray]:
-        """Row and column of every entry."""
-        indptr, indices = (np.frombuffer(part, dtype=np.int32) for part in (self.indptr, self.indices))
-        return np.repeat(np.arange(self.shape[0]), np.diff(indptr)), indices
+from paretoik.nlp.conic import Constraints, Structure
 
 
 class Pattern(NamedTuple):

@@ -1,16 +1,61 @@
-"""The constraints that convex subproblems share."""
+"""The constraints that convex subproblems share, in sparse matrices whose structure never depends on numbers."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
 from scipy import sparse
 
 CLARABEL_TOLERANCE = 1e-10  # of gaps and infeasibilities: steps and moves are known to about its square root
+
+
+class Structure(NamedTuple):
+    """The shape of a sparse matrix and the places of its entries, in compressed sparse rows."""
+
+    shape: tuple[int, int]
+    indptr: bytes
+    indices: bytes
+
+    @classmethod
+    def of(cls, matrix: sparse.csr_array) -> Structure:
+        """Return that of a matrix, entries of 0 included."""
+        return cls(matrix.shape, matrix.indptr.astype(np.int32).tobytes(), matrix.indices.astype(np.int32).tobytes())
+
+    @property
+    def places(self) -> tuple[np.ndarray, np.ndarray]:
+        """Row and column of every entry."""
+        indptr, indices = (np.frombuffer(part, dtype=np.int32) for part in (self.indptr, self.indices))
+        return np.repeat(np.arange(self.shape[0]), np.diff(indptr)), indices
+
+
+def structural_product(left: sparse.csr_array, right: sparse.csr_array) -> sparse.csr_array:
+    """Return left · right with an entry wherever their structures allow one.
+
+    SciPy's product drops sums that are 0 by chance, so that its structure depends on numbers.
+    """
+    left_entries, right_entries, places, indptr, indices = _product_plan(Structure.of(left), Structure.of(right))
+    entries = np.bincount(places, left.data[left_entries] * right.data[right_entries], len(indices))
+    return sparse.csr_array((entries, indices, indptr), shape=(left.shape[0], right.shape[1]))
+
+
+@lru_cache(maxsize=16)
+def _product_plan(left: Structure, right: Structure) -> tuple[np.ndarray, ...]:
+    """Return the entries that each product multiplies, which entry it adds to, and the structure of these."""
+    row, inner = left.places
+    starts = np.frombuffer(right.indptr, dtype=np.int32)
+    counts = np.diff(starts)[inner]
+    left_entries = np.repeat(np.arange(len(row)), counts)
+    first = np.repeat(starts[inner] - np.cumsum(counts) + counts, counts)
+    right_entries = first + np.arange(len(first))
+    columns = right.shape[1]
+    keys, places = np.unique(row[left_entries] * columns + right.places[1][right_entries], return_inverse=True)
+    indptr = np.searchsorted(keys, columns * np.arange(left.shape[0] + 1))
+    return left_entries, right_entries, places, indptr.astype(np.int32), (keys % columns).astype(np.int32)
 
 
 def dense_rows(matrix: Float[np.ndarray, "rows columns"]) -> sparse.csr_array:

@@ -1,35 +1,34 @@
 """How much all objectives can gain at once, to first order: the criticality χ of a point.
 
-maximise    t
-subject to  ∇fᵢ·d + t ≤ 0 for every objective
+maximise    χ
+subject to  −∇fᵢ·d − χ ≥ 0 for every objective
             c + J d ≥ 0, c at least 0
             ‖d‖ ≤ radius, and cones
 
-χ is 0 at a Pareto-critical point, positive elsewhere. A second-order cone program, solved by Clarabel. It is assembled
-by hand: its sparsity differs from motion to motion, and cvxpy takes seconds to canonicalise each. Tests hold it against
-a statement in cvxpy. Source: Fliege & Svaiter 2000, Eq. 2, with a ball in place of their quadratic term.
+χ is 0 at a Pareto-critical point, positive elsewhere. It is the convex subproblem of ``nlp.subproblem``, stated in
+cvxpy and solved by Clarabel: the elastic inequalities are the objectives' gains, and t = −χ. Source: Fliege & Svaiter
+2000, Eq. 2, with a ball in place of their quadratic term.
 
 Any λ ≥ 0, Σλ = 1, and μ ≥ 0 bound it from above, by weak duality:
 
     χ ≤ radius · ‖Σ λᵢ ∇fᵢ − Jᵀ μ‖ + μ·c
 
-Where the active inequalities alone have multipliers that bound it by next to nothing, and no others do, that is faster:
-nonnegative least squares (Lawson & Hanson 1974, chapter 23).
+If the active inequalities alone have multipliers that bound it by next to nothing, and no others do, these are exact
+(nonnegative least squares: Lawson & Hanson 1974, chapter 23). Searches take this bound for χ.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
-import clarabel
 import numpy as np
-from jaxtyping import Float
-from scipy import sparse
+from jaxtyping import Float, Int
 from scipy.optimize import nnls
 
 from paretoik.errors import SolverFailed
-from paretoik.nlp.conic import Constraints, dense_rows
+from paretoik.nlp.canonical import Pattern
+from paretoik.nlp.conic import Constraints, dense_rows, stack_rows
+from paretoik.nlp.subproblem import subproblem_of
 from paretoik.stop_flag import check_interruption
 
 
@@ -64,19 +63,26 @@ def criticality(
 ) -> Criticality:
     """Return the criticality where objectives have these gradients.
 
-    The nearest inequalities alone come first: with fewer χ can only be greater, so that χ = 0 with them is χ = 0
-    with all. Raises SolverFailed where Clarabel ends without a solution.
+    The nearest inequalities come first: with fewer χ can only be greater, so that χ = 0 with them is χ = 0 with all.
+    Multipliers of the active inequalities replace Clarabel's if they are unique: an interior point stops short of them.
+    Raises SolverFailed if Clarabel ends without a solution.
     """
     check_interruption()
-    bounded = active_set_criticality(gradients, constraints, radius)
-    if bounded is not None:
-        return bounded
     scale = _scale(gradients)
     near = constraints.within_reach(OPTIONS.near_share * radius, order=2)
-    first = _solve_near(gradients, constraints, radius, near)
-    if first.value <= OPTIONS.gain_tolerance * scale:
-        return first
-    return _solve_near(gradients, constraints, radius, constraints.within_reach(radius, order=2))
+    result = _solve_near(gradients, constraints, radius, near)
+    if result.value > OPTIONS.gain_tolerance * scale:
+        result = _solve_near(gradients, constraints, radius, constraints.within_reach(radius, order=2))
+    exact = active_set_criticality(gradients, constraints, radius)
+    return result if exact is None else replace(exact, value=result.value)
+
+
+def quick_criticality(
+    gradients: Float[np.ndarray, "objectives columns"], constraints: Constraints, radius: float
+) -> Criticality:
+    """Return the bound that active inequalities give, or the criticality if there is none. Raises as that does."""
+    check_interruption()
+    return active_set_criticality(gradients, constraints, radius) or criticality(gradients, constraints, radius)
 
 
 def active_set_criticality(
@@ -112,54 +118,37 @@ def active_set_criticality(
     return Criticality(value=bound * scale, step=np.zeros(rows.shape[1]), weights=dual[:count], multipliers=multipliers)
 
 
-def _solve_near(gradients: np.ndarray, constraints: Constraints, radius: float, near: np.ndarray) -> Criticality:
-    """Return the criticality with the inequalities ``near`` alone; objectives and inequalities have length one."""
-    scale, norms, count = _scale(gradients), constraints.row_norms, len(gradients)
-    columns, unknowns = gradients.shape[1], constraints.unknowns
-    slopes = sparse.diags_array(1.0 / norms[near]) @ constraints.jacobian[near]
-    gains = dense_rows(gradients / scale)
-    ball = sparse.vstack([sparse.csr_array((1, columns)), -sparse.eye_array(unknowns, columns)])
-    rows = [-slopes, *[part for cone in constraints.cones for part in (-_unit_row(cone.column, columns), -cone.rows)]]
-    steps = sparse.vstack([rows[0], gains, ball, *rows[1:]])
-    t = sparse.coo_array(
-        (np.ones(count), (len(near) + np.arange(count), np.zeros(count, dtype=int))), (steps.shape[0], 1)
+def _solve_near(
+    gradients: np.ndarray, constraints: Constraints, radius: float, near: Int[np.ndarray, " near"]
+) -> Criticality:
+    """Return the criticality with the inequalities ``near`` alone, by the loosest tolerance that has to be."""
+    (count, columns), scale = gradients.shape, _scale(gradients)
+    statement = Constraints(
+        unknowns=constraints.unknowns,
+        values=np.concatenate([np.zeros(count), np.maximum(constraints.values, 0.0)]),
+        jacobian=stack_rows([dense_rows(-gradients / scale), constraints.jacobian]),
+        cones=constraints.cones,
     )
-    table = sparse.hstack([steps, t])
-    values = [part for cone in constraints.cones for part in ([np.linalg.norm(cone.values)], cone.values)]
-    slacks = np.maximum(constraints.values[near], 0.0) / norms[near]
-    right = np.concatenate([slacks, np.zeros(count), [radius], np.zeros(unknowns), *values])
-    kinds = [clarabel.NonnegativeConeT(len(near) + count), clarabel.SecondOrderConeT(1 + unknowns)]
-    kinds += [clarabel.SecondOrderConeT(1 + len(cone.values)) for cone in constraints.cones]
-    x, dual = _solve_conic(np.append(np.zeros(columns), -1.0), sparse.csc_matrix(table), right, kinds)
-    multipliers, end = np.zeros(len(norms)), len(near) + count
-    multipliers[near] = dual[: len(near)] * scale / norms[near]
-    weights = dual[len(near) : end]
+    rows = np.concatenate([np.arange(count), count + near])
+    subproblem = subproblem_of(Pattern.of(statement), count, ball=True)
+    for tolerance in OPTIONS.solver_tolerances:  # the next if there is no progress below what rounding leaves
+        try:
+            solution = subproblem.solve(
+                np.zeros(columns), None, statement, radius=radius, near=rows, tolerance=tolerance
+            )
+        except SolverFailed:
+            if tolerance == OPTIONS.solver_tolerances[-1]:
+                raise
+            continue
+        break
+    weights = solution.multipliers[:count]
     return Criticality(
-        value=max(float(x[-1]), 0.0) * scale,
-        step=x[:-1],
+        value=max(-solution.violation, 0.0) * scale,
+        step=solution.step,
         weights=weights / weights.sum(),
-        multipliers=multipliers,
-        cone_multipliers=constraints.cone_multipliers(dual[end + 1 + unknowns :] * scale),
+        multipliers=solution.multipliers[count:] * scale,
+        cone_multipliers=tuple(each * scale for each in solution.cone_multipliers),
     )
-
-
-def _solve_conic(
-    linear: np.ndarray, table: sparse.csc_matrix, right: np.ndarray, cones: list[Any]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return x and dual variables; raises SolverFailed where Clarabel ends without a solution at any tolerance."""
-    settings = clarabel.DefaultSettings()
-    settings.verbose = False
-    empty = sparse.csc_matrix((len(linear), len(linear)))
-    for tolerance in OPTIONS.solver_tolerances:  # the next where there is no progress below what rounding leaves
-        settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
-        solution = clarabel.DefaultSolver(empty, linear, table, right, cones, settings).solve()
-        if str(solution.status) in ("Solved", "AlmostSolved"):
-            return np.array(solution.x), np.array(solution.z)
-    raise SolverFailed(f"criticality: Clarabel wanted to end with Solved, got {solution.status}")
-
-
-def _unit_row(column: int, columns: int) -> sparse.csr_array:
-    return sparse.csr_array(([1.0], ([0], [column])), shape=(1, columns))
 
 
 def _scale(gradients: np.ndarray) -> float:

@@ -73,6 +73,11 @@ def minimise(
     return _finished(replace(solutions, x=program.pin(solutions.x)))
 
 
+def chosen_solver(program: Program, solver: Solver) -> Solver:
+    """Return the solver that a program is solved by: "auto" is "interior-point" if it has a kernel, else "sqp"."""
+    return "sqp" if solver == "sqp" or program.unsupported else "interior-point"
+
+
 def check_solver(program: Program, solver: str) -> None:
     """Raise InvalidInput unless ``solver`` is one that can solve the program, naming what it cannot take."""
     check_solver_name(solver)

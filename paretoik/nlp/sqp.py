@@ -17,7 +17,7 @@ from scipy import sparse
 from paretoik.arrays import Point
 from paretoik.errors import SolverFailed
 from paretoik.nlp.conic import Constraints
-from paretoik.nlp.criticality import criticality
+from paretoik.nlp.criticality import quick_criticality
 from paretoik.nlp.program import Goal, Program, bounded
 from paretoik.nlp.solutions import CONVERGED, INTERRUPTED, ITERATION_LIMIT, NO_PROGRESS, NOT_FINITE, VIOLATED
 from paretoik.nlp.subproblem import Step, convexify, solve_subproblem
@@ -228,7 +228,7 @@ class _Search:
         options, d = self.options, step.step
         before, curvature = self.iterate.merit(self.penalty), model.hessian @ d
         linear = float(model.gradient @ d) + 0.5 * float(d @ curvature)
-        predicted = self.penalty * (self.iterate.violation - step.violation) - linear
+        predicted = self.penalty * (self.iterate.violation - max(step.violation, 0.0)) - linear
         length = float(np.abs(d[: self.at.unknowns]).max(initial=0.0))
         self.stationarity = float(np.linalg.norm(curvature[: self.at.unknowns])) * self.at.unit
         rounding = options.reduction_tolerance * (1 + abs(before))
@@ -288,5 +288,5 @@ class _Search:
 
     def _is_critical(self, model: _Model) -> bool:
         """Return whether no direction gains more than rounding, to first order."""
-        gain = criticality(model.gradient[None], model.constraints, self.at.unit).value
+        gain = quick_criticality(model.gradient[None], model.constraints, self.at.unit).value
         return gain <= self.options.criticality_tolerance

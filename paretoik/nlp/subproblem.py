@@ -1,4 +1,4 @@
-"""The convex subproblem of sequential quadratic programming, stated in cvxpy and solved by Clarabel.
+"""The convex subproblem of steps and of the criticality, stated in cvxpy and solved by Clarabel.
 
 minimise    gᵀd + ½ dᵀHd + penalty · t
 subject to  c + J d + t ≥ 0       elastic inequalities: violated by at most t, at a penalty
@@ -7,10 +7,13 @@ subject to  c + J d + t ≥ 0       elastic inequalities: violated by at most t,
             ‖values + rows d‖ ≤ d[column] + ‖values‖     cones
             t ≥ 0
 
-The statement has Parameters for all numbers and is canonicalised once for each sparsity pattern. A solution then takes
-one product of cvxpy's matrix from parameters to data with their values, leaves out the inequalities that no step within
-the trust region reaches, and runs Clarabel on the rest. Source: Nocedal & Wright, Numerical Optimization, section 18.5,
-with the largest violation as penalty.
+A step of sequential quadratic programming solves it as it is. The criticality (``nlp.criticality``) is its special case
+without gᵀd + ½ dᵀHd: the trust region is a ball and t is free.
+
+The statement has Parameters for all numbers and is canonicalised once for each pattern: the structure of a program, not
+which of its numbers are 0. A solution then takes one product of cvxpy's matrix from parameters to data with their
+values, leaves out the inequalities that no step within the trust region reaches, and runs Clarabel on the rest. Source:
+Nocedal & Wright, Numerical Optimization, section 18.5, with the largest violation as penalty.
 """
 
 from __future__ import annotations
@@ -20,7 +23,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from scipy import sparse
 
 from paretoik.errors import SolverFailed
@@ -30,7 +33,10 @@ from paretoik.nlp.conic import CLARABEL_TOLERANCE, Constraints
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Step:
-    """A step d, the violation t that it leaves, and the multipliers of inequalities and of the vectors in cones."""
+    """A step d, the violation t that it leaves, and the multipliers of inequalities and of the vectors in cones.
+
+    Without a trust region's t ≥ 0, as in the criticality, t is less than 0 by what all elastic inequalities gain.
+    """
 
     step: Float[np.ndarray, " columns"]
     violation: float
@@ -52,7 +58,7 @@ def solve_subproblem(
     ``hessian`` has to be symmetric and positive semidefinite. Raises SolverFailed where Clarabel ends without a
     solution.
     """
-    return _subproblem(Pattern.of(constraints), elastic).solve(
+    return subproblem_of(Pattern.of(constraints), elastic).solve(
         gradient, hessian, constraints, radius=radius, penalty=penalty
     )
 
@@ -78,78 +84,91 @@ def convexify(hessian: sparse.csr_array, unknowns: int, flattening: float) -> sp
 
 
 class ConvexSubproblem:
-    """The subproblem of one sparsity pattern, canonicalised."""
+    """The subproblem of one pattern, canonicalised; with a ``ball`` it is that of the criticality."""
 
-    def __init__(self, pattern: Pattern, elastic: int) -> None:
+    def __init__(self, pattern: Pattern, elastic: int, *, ball: bool = False) -> None:
         (self._rows, columns), self._elastic = pattern.jacobian.shape, elastic
-        statement = _state(
-            pattern, elastic, sparse.eye_array(columns, format="csr")
-        )  # the Hessian replaces the identity
+        hessian = None if ball else sparse.eye_array(columns, format="csr")  # replaced at every solution
+        statement = _state(pattern, elastic, hessian)
         self._form = CanonicalForm(statement)
         self._d, self._t = self._form.columns(statement.d), self._form.columns(statement.t)
 
     def solve(
         self,
         gradient: Float[np.ndarray, " columns"],
-        hessian: sparse.csr_array,
+        hessian: sparse.csr_array | None,
         constraints: Constraints,
         *,
         radius: float,
-        penalty: float,
+        penalty: float = 1.0,
+        near: Int[np.ndarray, " near"] | None = None,
+        tolerance: float = CLARABEL_TOLERANCE,
     ) -> Step:
-        """Return the solution for these numbers. Raises SolverFailed where Clarabel ends without one."""
+        """Return the solution for these numbers, without a Hessian that with a ball.
+
+        Only inequalities ``near`` count, by default those within reach. Raises SolverFailed if Clarabel finds none.
+        """
         scales = constraints.row_norms.copy()
         scales[: self._elastic] = 1.0  # their units decide what a violation costs
-        numbers = _numbers(gradient, constraints, radius, penalty, scales)
-        near = constraints.within_reach(radius, order=1)
+        numbers = _numbers(gradient, hessian, constraints, radius, penalty, scales)
+        near = constraints.within_reach(radius, order=1) if near is None else near
         mask = self._form.rows_in_use(self._rows, near)
-        x, dual = self._form.solve("step", numbers, mask, CLARABEL_TOLERANCE, self._quadratic(hessian))
+        name, P = ("criticality", None) if hessian is None else ("step", self._quadratic(hessian))
+        x, dual = self._form.solve(name, numbers, mask, tolerance, P)
         multipliers = np.zeros(self._rows)
         multipliers[near] = dual[: len(near)] / scales[near]
         cone_rows = sum(len(cone.values) + 1 for cone in constraints.cones)
         return Step(
             step=x[self._d],
-            violation=max(float(x[self._t[0]]), 0.0),
+            violation=float(x[self._t[0]]),
             multipliers=multipliers,
             cone_multipliers=constraints.cone_multipliers(dual[len(dual) - cone_rows :]),
         )
 
     def _quadratic(self, hessian: sparse.csr_array) -> sparse.csc_matrix:
-        """Return P, the Hessian's upper triangle where d stands."""
+        """Return P: the upper triangle of the Hessian in the rows and columns of d."""
         lower, size = sparse.tril(hessian, format="csr"), self._form.variables
         indptr = np.pad(lower.indptr, (self._d[0], size - 1 - self._d[-1]), mode="edge")
         # rows of the lower triangle are columns of the upper one
         return sparse.csc_matrix((lower.data, lower.indices + self._d[0], indptr), shape=(size, size))
 
 
-_subproblem = lru_cache(maxsize=64)(ConvexSubproblem)  # canonicalised statements
+subproblem_of = lru_cache(maxsize=64)(ConvexSubproblem)  # canonicalised statements
 
 
-def _state(pattern: Pattern, elastic: int, hessian: sparse.csr_array) -> Statement:
+def _state(pattern: Pattern, elastic: int, hessian: sparse.csr_array | None) -> Statement:
     """Return the statement for a pattern and a Hessian, which is a constant: dᵀHd takes no Parameter H."""
     import cvxpy  # here: importing it takes two seconds
 
     (rows, columns), unknowns, parameters = pattern.jacobian.shape, pattern.unknowns, Parameters()
     d, t = cvxpy.Variable(columns), cvxpy.Variable()
-    g, penalty, radius = parameters.dense(columns), parameters.dense(), parameters.dense()
-    constraints, inequalities = [], None
+    radius, penalty = parameters.dense(), parameters.dense()
+    constraints, inequalities, objective = [], None, penalty * t
+    if hessian is not None:
+        objective += parameters.dense(columns) @ d + cvxpy.quad_form(d, cvxpy.psd_wrap(hessian)) / 2
     if rows:
         c, J = parameters.dense(rows), parameters.sparse(pattern.jacobian)
         is_elastic = (np.arange(rows) < elastic).astype(float)
         inequalities = c + J @ d + is_elastic * t >= 0
         constraints = [inequalities]
-    constraints += [d[:unknowns] <= radius, d[:unknowns] >= -radius, t >= 0]
+    step = d[:unknowns]
+    constraints += [cvxpy.SOC(radius, step)] if hessian is None else [step <= radius, step >= -radius, t >= 0]
     cones = state_cones(pattern, d, parameters)
-    objective = g @ d + cvxpy.quad_form(d, cvxpy.psd_wrap(hessian)) / 2 + penalty * t
     problem = cvxpy.Problem(cvxpy.Minimize(objective), constraints + cones)
     return Statement(problem, parameters, d, t, inequalities, cones)
 
 
 def _numbers(
-    gradient: np.ndarray, constraints: Constraints, radius: float, penalty: float, scales: np.ndarray
+    gradient: np.ndarray,
+    hessian: sparse.csr_array | None,
+    constraints: Constraints,
+    radius: float,
+    penalty: float,
+    scales: np.ndarray,
 ) -> Float[np.ndarray, " numbers"]:
     """Return the values of all parameters, in the statement's order, inequalities divided by ``scales``."""
-    first = gradient, [penalty], [radius], constraints.values / scales
+    linear = gradient[: 0 if hessian is None else len(gradient)]
+    first = [radius, penalty], linear, constraints.values / scales
     return parameter_values(*first, constraints=constraints, scales=scales)
 
 
@@ -167,7 +186,8 @@ def solve_with_cvxpy(
     Raises SolverFailed where there is no solution.
     """
     statement = _state(Pattern.of(constraints), elastic, hessian)
-    statement.parameters.assign(_numbers(gradient, constraints, radius, penalty, np.ones(len(constraints.values))))
+    scales = np.ones(len(constraints.values))
+    statement.parameters.assign(_numbers(gradient, hessian, constraints, radius, penalty, scales))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # cvxpy reads its own sparse parameters as dense ones
         statement.problem.solve(solver="CLARABEL")
@@ -175,7 +195,7 @@ def solve_with_cvxpy(
         raise SolverFailed(f"step: a solution wanted, got {statement.problem.status}")
     return Step(
         step=np.array(statement.d.value),
-        violation=max(float(statement.t.value), 0.0),
+        violation=float(statement.t.value),
         multipliers=np.zeros(0) if statement.inequalities is None else np.array(statement.inequalities.dual_value),
         cone_multipliers=tuple(-np.ravel(cone.dual_value[1]) for cone in statement.cones),
     )

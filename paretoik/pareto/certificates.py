@@ -21,7 +21,7 @@ from paretoik.errors import EvaluationFailed, SolverFailed
 from paretoik.front.certificates import Certificates
 from paretoik.journal import Values, remembered
 from paretoik.nlp.conic import Constraints
-from paretoik.nlp.criticality import active_set_criticality, criticality
+from paretoik.nlp.criticality import active_set_criticality, criticality, quick_criticality
 from paretoik.nlp.program import Goal, Linearisation, Program, bounded
 from paretoik.nlp.program_key import program_key
 from paretoik.nlp.violation import violation_at, violation_of
@@ -102,9 +102,17 @@ def certify(
     return certified, [each.curvature.better for each in certificates]
 
 
+def confirmed_criticality(program: Program, x: Point) -> float:
+    """Return the criticality of a point of a program with one objective, by its convex program; NaN if unknown."""
+    with suppress(Interrupted, SolverFailed, EvaluationFailed, np.linalg.LinAlgError):
+        at = program.linearise(x)
+        return criticality(at.gradients[:1], _constraints(program, at), at.unit).value
+    return np.nan
+
+
 def criticality_at(program: Program, at: Linearisation, ranges: Float[np.ndarray, " n_obj"]) -> float:
-    """Return the criticality of a point, objectives divided by ``ranges``."""
-    return criticality(at.gradients[: len(ranges)] / ranges[:, None], _constraints(program, at), at.unit).value
+    """Return the criticality of a point, or a bound of next to nothing, objectives divided by ``ranges``."""
+    return quick_criticality(at.gradients[: len(ranges)] / ranges[:, None], _constraints(program, at), at.unit).value
 
 
 def criticality_bound(program: Program, at: Linearisation, ranges: Float[np.ndarray, " n_obj"]) -> float:
@@ -126,7 +134,7 @@ def weights_at(program: Program, x: Points, n_obj: int) -> Float[np.ndarray, "po
         check_interruption()
         with suppress(SolverFailed, EvaluationFailed, np.linalg.LinAlgError):
             at = program.linearise(one)
-            result = criticality(at.gradients[:n_obj], _constraints(program, at), at.unit)
+            result = quick_criticality(at.gradients[:n_obj], _constraints(program, at), at.unit)
             if result.value <= OPTIONS.critical:
                 row[:] = result.weights
     return weights

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy import sparse
 
-from paretoik.nlp.conic import Cone
+from paretoik.nlp.conic import Cone, stack_rows, structural_product
 from paretoik.robot.scales import joint_scales
 from paretoik.task.retraction import retract, row_space_basis
 from paretoik.trajectory.lagrangian import lagrangian_hessian, whole_basis
@@ -164,7 +164,7 @@ def linearise(program: MotionProgram, q: Float[np.ndarray, "time dof"]) -> Motio
         function_gradients=function_gradients,
         gradients=gradients,
         inequalities=np.concatenate([values.inequalities, values.ties, *ties]),
-        jacobian=sparse.csr_array(sparse.vstack([_limit_rows(program, function_gradients, basis), *tie_rows])),
+        jacobian=stack_rows([_limit_rows(program, function_gradients, basis), *tie_rows]),
         cones=tuple(cones),
     )
 
@@ -178,7 +178,8 @@ def _basis(program: MotionProgram, normal: np.ndarray, wholes: int) -> tuple[spa
     row = np.arange(orders * n * instants).reshape(orders, n, instants)
     rows = np.broadcast_to(row[..., None, None], moves.shape)
     places = np.broadcast_to(begin, moves.shape)
-    free = np.broadcast_to((stencil.first_unknown[stencil.neighbours] >= 0)[..., None], moves.shape) & (moves != 0)
+    moving = (stencil.coefficients != 0) & (stencil.first_unknown[stencil.neighbours] >= 0)
+    free = np.broadcast_to(moving[:, None, :, :, None], moves.shape)
     slacks, peaks = np.arange(program.slacks * instants), np.arange(program.peaks * instants)
     columns = stencil.unknowns + len(slacks) + program.peaks + wholes
     entries = np.concatenate([moves[free], np.ones(len(slacks) + len(peaks))])
@@ -203,7 +204,7 @@ def _whole_functions(
         if total.kind != "whole":
             continue
         each, parts = program.whole_functions[total.index], values.parts[total.index]
-        rows = sparse.csr_array(each.jacobian(u) @ inputs_by_columns)
+        rows = structural_product(each.jacobian(u), inputs_by_columns)
         if not len(each.groups):
             gradients[k, column] = 1.0
             cones.append(Cone(column=column, values=each.factor * parts, rows=sparse.csr_array(each.factor * rows)))
@@ -214,12 +215,17 @@ def _whole_functions(
                 gradients[k] += rows[[group.start]].toarray()[0]
                 continue
             gradients[k, column] = 1.0
-            epigraph = np.zeros((group.stop - group.start, columns))
-            epigraph[:, column] = 1.0
             ties.append(parts[group].max() - parts[group])
-            tie_rows.append(sparse.csr_array(epigraph - rows[group].toarray()))
+            tie_rows.append(_epigraph_rows(rows[group], column))
             column += 1
     return gradients, ties, tie_rows, cones
+
+
+def _epigraph_rows(rows: sparse.csr_array, column: int) -> sparse.csr_array:
+    """Return a column, behind all those of ``rows``, minus the rows."""
+    ends = rows.indptr[1:]
+    entries, indices = np.insert(-rows.data, ends, 1.0), np.insert(rows.indices, ends, column)
+    return sparse.csr_array((entries, indices, rows.indptr + np.arange(len(rows.indptr))), shape=rows.shape)
 
 
 def _limit_rows(program: MotionProgram, function_gradients: np.ndarray, basis: sparse.csr_array) -> sparse.csr_array:
@@ -237,4 +243,4 @@ def _limit_rows(program: MotionProgram, function_gradients: np.ndarray, basis: s
     rows = np.concatenate([np.flatnonzero(simple), i[k]])
     columns = np.concatenate([which[simple] * instants + at[simple], v * instants + at[i[k]]])
     by_variables = sparse.coo_array((entries, (rows, columns)), shape=(len(which), variables * instants))
-    return sparse.csr_array(by_variables.tocsr() @ basis)
+    return structural_product(by_variables.tocsr(), basis)

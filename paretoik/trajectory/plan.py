@@ -14,9 +14,12 @@ from jaxtyping import Float
 
 from paretoik.call_arguments import check_call
 from paretoik.errors import Infeasible, SolverFailed
-from paretoik.nlp.minimise import check_solver, minimise
+from paretoik.front.provenance import confirmation
+from paretoik.nlp.minimise import check_solver, chosen_solver, minimise
 from paretoik.nlp.program import Solver
 from paretoik.nlp.solutions import CONVERGED, INTERRUPTED, NOT_FINITE, STATUSES, Solutions, concatenate
+from paretoik.pareto.certificates import OPTIONS as CERTIFICATES
+from paretoik.pareto.certificates import confirmed_criticality
 from paretoik.pareto.warm_start import insert_best, minimise_from
 from paretoik.self_motion.branches import branch_labels
 from paretoik.stop_flag import Interrupted
@@ -53,7 +56,9 @@ EXCEEDS = "limits exceeded between samples"  # status of an optimum that no tigh
 class Optimum:
     """A locally optimal motion, its objective in the user's own sign, the label of its branch, and a status.
 
-    ``violation_between`` is an upper bound of how far it exceeds its limits at any time, as a share of their ranges.
+    ``violation_between`` is an upper bound of how far it exceeds its limits at any time, as a share of their ranges;
+    ``criticality`` how much its objective can still gain to first order, as a share of the best optimum's, confirmed by
+    a convex program; NaN if unknown.
     """
 
     motion: Motion
@@ -61,6 +66,7 @@ class Optimum:
     label: str
     status: str
     violation_between: float
+    criticality: float = np.nan
 
     __repr__ = field_representation
     _repr_html_ = html_representation
@@ -130,7 +136,10 @@ def find_optima(
             raise
         solutions, levels, count = initial_solutions, (), len(initial_solutions)
     solutions = _merge(task, solutions, initial_solutions) if len(initial_solutions) else solutions
-    return Plan(optima=_optima(task, solutions, initial, solver), levels=levels, starts=count)
+    optima = _optima(task, solutions, initial, solver)
+    confirmed = sum(each.criticality <= CERTIFICATES.critical for each in optima)
+    provenance = confirmation(chosen_solver(motion_program(task), solver), confirmed, len(optima))
+    return Plan(optima=optima, levels=levels, starts=count, provenance=provenance)
 
 
 def _minimise_initial(
@@ -248,6 +257,7 @@ def _optima(
             label=labels[i],
             status=words[i],
             violation_between=results[i].violation,
+            criticality=confirmed_criticality(results[i].program(program), results[i].x),
         )
         for i in order
     )

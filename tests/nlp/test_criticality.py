@@ -4,11 +4,12 @@ import cvxpy
 import numpy as np
 import pytest
 from scipy import sparse
+from scipy.optimize import minimize, nnls
 
 from paretoik.errors import SolverFailed
-from paretoik.nlp import criticality as criticality_module
+from paretoik.nlp import canonical
 from paretoik.nlp.conic import Cone, Constraints
-from paretoik.nlp.criticality import OPTIONS, active_set_criticality, criticality
+from paretoik.nlp.criticality import OPTIONS, _solve_near, active_set_criticality, criticality, quick_criticality
 
 
 def random_point(seed, *, objectives=2, unknowns=40, limits=90):
@@ -113,7 +114,7 @@ def test_a_length_of_nothing_cannot_shrink():
 
 
 def test_a_solver_that_makes_no_progress_is_asked_for_less_and_that_fails_only_if_it_does_again(monkeypatch):
-    point, build, tolerances = random_point(1), criticality_module.clarabel.DefaultSolver, []
+    point, build, tolerances = random_point(1), canonical.clarabel.DefaultSolver, []
 
     class Stuck:
         status = "InsufficientProgress"
@@ -126,7 +127,7 @@ def test_a_solver_that_makes_no_progress_is_asked_for_less_and_that_fails_only_i
         return Stuck() if tolerances[-1] < lowest else build(*arguments)
 
     lowest, clean = 1e-10, criticality(*point, radius=3.0)
-    monkeypatch.setattr(criticality_module.clarabel, "DefaultSolver", solver)
+    monkeypatch.setattr(canonical.clarabel, "DefaultSolver", solver)
     assert criticality(*point, radius=3.0).value == pytest.approx(clean.value, abs=1e-7)
     assert tolerances[:2] == list(OPTIONS.solver_tolerances)
     lowest = 1.0
@@ -143,7 +144,7 @@ def test_multipliers_of_active_limits_alone_are_the_conic_programs_where_they_ar
     gradients[1] = (jacobian.T @ multipliers - 0.25 * gradients[0]) / 0.75
     within = Constraints(unknowns=12, values=slacks, jacobian=sparse.csr_array(jacobian))
     fast = active_set_criticality(gradients, within, 2.0)
-    conic = criticality_module._solve_near(gradients, within, 2.0, np.arange(8))
+    conic = _solve_near(gradients, within, 2.0, np.arange(8))
     assert fast is not None
     assert fast.value == pytest.approx(0.0, abs=1e-12)
     np.testing.assert_allclose(fast.weights, [0.25, 0.75], atol=1e-9)
@@ -157,3 +158,53 @@ def test_multipliers_that_are_not_unique_are_left_to_the_conic_program():
     within = Constraints(unknowns=2, values=np.zeros(2), jacobian=twice)
     assert active_set_criticality(gradients, within, 1.0) is None
     assert criticality(gradients, within, 1.0).multipliers == pytest.approx([0.5, 0.5], abs=1e-4)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_at_a_corner_the_criticality_is_the_distance_of_gradients_from_the_cone_of_limits(seed):
+    """All limits active and some twice: χ = radius · min ‖Σ λᵢ ∇fᵢ − Jᵀ μ‖ (closed form), multipliers degenerate."""
+    rng = np.random.default_rng(seed)
+    objectives, limits = 1 + seed % 3, 6
+    gradients, jacobian = rng.normal(size=(objectives, 12)), rng.normal(size=(limits, 12))
+    jacobian = np.concatenate([jacobian, 3.0 * jacobian[:3], jacobian[:1] + jacobian[1:2]])
+    if seed >= 4:  # a critical point, whose multipliers are not unique
+        gradients[-1] = (jacobian.T @ rng.uniform(0, 1, len(jacobian)) - gradients[:-1].sum(axis=0)) / 2
+    heavy = 1e6 * np.concatenate([np.ones(objectives), np.zeros(len(jacobian))])  # Σ λ = 1
+    dual = nnls(np.vstack([np.hstack([gradients.T, -jacobian.T]), heavy]), np.append(np.zeros(12), 1e6))[0]
+    distance = np.linalg.norm(gradients.T @ dual[:objectives] - jacobian.T @ dual[objectives:])
+    within = Constraints(unknowns=12, values=np.zeros(len(jacobian)), jacobian=sparse.csr_array(jacobian))
+    assert criticality(gradients, within, 2.0).value == pytest.approx(2.0 * distance, rel=1e-6, abs=1e-8)
+    assert quick_criticality(gradients, within, 2.0).value == pytest.approx(2.0 * distance, rel=1e-6, abs=1e-7)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_with_peaks_kinks_and_far_limits_scipy_finds_the_same_criticality(seed):
+    """Column 8 is the epigraph of a peak, column 9 of an absolute value, beside limits of which some are active."""
+    rng = np.random.default_rng(seed)
+    n = 8
+    pieces, kink = rng.normal(size=(4, n)), rng.normal(size=n)
+    limits = rng.normal(size=(5, n))
+    jacobian = np.zeros((11, n + 2))
+    jacobian[:5, :n], jacobian[5:9, :n], jacobian[5:9, n] = limits, -pieces, 1.0
+    jacobian[9:, :n], jacobian[9:, n + 1] = [-kink, kink], 1.0
+    slacks = np.concatenate([[0, 0, 0.1, 0.3, 9.0], [0, 0, 0.2, 1.0], [0, 0]])
+    gradients = np.zeros((2, n + 2))
+    gradients[:, :n], gradients[0, n], gradients[1, n + 1] = rng.normal(size=(2, n)), 1.0, 0.5
+    within = Constraints(unknowns=n, values=slacks, jacobian=sparse.csr_array(jacobian))
+    ours = criticality(gradients, within, 1.0)
+    peer = minimize(
+        lambda z: -z[-1],
+        np.zeros(n + 3),
+        jac=lambda z: np.append(np.zeros(n + 2), -1.0),
+        constraints=[
+            {"type": "ineq", "fun": lambda z: -gradients @ z[:-1] - z[-1]},
+            {"type": "ineq", "fun": lambda z: slacks + jacobian @ z[:-1]},
+            {"type": "ineq", "fun": lambda z: 1.0 - z[:n] @ z[:n], "jac": lambda z: np.append(-2 * z[:n], [0, 0, 0])},
+        ],
+        method="SLSQP",
+        options={"ftol": 1e-14, "maxiter": 500},
+    )
+    assert peer.success
+    assert ours.value == pytest.approx(-peer.fun, rel=1e-6, abs=1e-7)
+    bound = np.linalg.norm((gradients.T @ ours.weights - jacobian.T @ ours.multipliers)[:n])
+    assert bound + ours.multipliers @ slacks == pytest.approx(ours.value, rel=1e-6, abs=1e-7)  # weak duality is tight

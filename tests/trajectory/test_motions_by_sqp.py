@@ -7,13 +7,15 @@ import pytest
 
 import paretoik as pk
 from paretoik.nlp import minimise as batches
+from paretoik.nlp import subproblem
+from paretoik.nlp.conic import Structure
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.minimise import check_solver, minimise_violation
 from paretoik.nlp.program import Goal
 from paretoik.nlp.sqp import SqpOptions, minimise
 from paretoik.trajectory.linearisation import linearise
 from paretoik.trajectory.plan import find_optima
-from paretoik.trajectory.plan_starts import initial_motions
+from paretoik.trajectory.plan_starts import initial_motions, sample_starts
 from paretoik.trajectory.transcription import motion_program
 from problems import tringali_2020
 from problems.panda import across_the_table
@@ -43,7 +45,8 @@ def memory(motion):
 
 
 def problem_of(*objectives, samples=26, **settings):
-    path = tringali_2020.straight(samples)
+    closed = settings.get("cyclic", False)
+    path = pk.circle([0.2, 0.1], 0.05, duration=1.0, samples=samples) if closed else tringali_2020.straight(samples)
     settings = {"differences": "backward", **settings}
     return pk.Tracking(pk.arms.tringali_3r(), path, objectives=objectives, limits=LIMITS, bases=1, **settings)
 
@@ -277,3 +280,39 @@ def test_a_limit_that_holds_is_not_left_for_a_better_objective():
 def test_central_differences_and_a_stop_are_refused_together():
     with pytest.raises(pk.InvalidInput, match="end_velocity=0"):
         motion_program(problem_of(pk.torque_norm, end_velocity=0, differences="central").task)
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {},
+        {"differences": "spline"},
+        {"differences": "central", "cyclic": True},
+        {"differences": "spline", "end_velocity": 0},
+        {"obstacles": [pk.obstacles.Sphere([0.3, 0.3, 0.0], 0.05)]},
+    ],
+    ids=lambda each: ",".join(each) or "backward",
+)
+def test_the_structure_of_a_program_is_the_same_at_every_motion(settings):
+    task = problem_of(reach_of_joint, unrest, forward, pk.peak_torque, samples=13, **settings).task
+    program, structures = motion_program(task), set()
+    for motion in sample_starts(task, 4, np.random.default_rng(0)):
+        at = program.linearise(motion)
+        structures.add((Structure.of(at.jacobian), *(Structure.of(cone.rows) for cone in at.cones)))
+    assert len(structures) == 1
+
+
+def test_a_front_by_sqp_canonicalises_once_for_each_shape_of_program(monkeypatch):
+    build, shapes = subproblem.ConvexSubproblem.__init__, []
+
+    def count(self, pattern, elastic, *, ball=False):
+        cones = tuple((column, rows.shape) for column, rows in pattern.cones)
+        shapes.append((pattern.unknowns, pattern.jacobian.shape, cones, elastic, ball))
+        build(self, pattern, elastic, ball=ball)
+
+    monkeypatch.setattr(subproblem.ConvexSubproblem, "__init__", count)
+    subproblem.subproblem_of.cache_clear()
+    problem = problem_of(pk.kinetic_energy, forward, samples=11)
+    front = pk.epsilon_front(problem, points=3, starts=2, solver="sqp")
+    assert len(front) == 3
+    assert len(shapes) == len(set(shapes)) <= 8
