@@ -63,3 +63,15 @@ def test_what_cannot_be_planned_is_refused_before_any_work():
         pk.plan(way)
     with pytest.raises(pk.InvalidInput, match="plan: a problem with gradients wanted, such as Tracking, got Tuning"):
         pk.plan(pk.Tuning(pk.arms.tringali_3r(), PATH, pk.methods.DampedLeastSquares(), judged_starts=1))
+
+
+@pytest.mark.parametrize("solver", ["auto", "sqp"])
+def test_every_optimum_of_a_plan_is_confirmed_and_the_run_keeps_by_whom(solver, tmp_path):
+    problem = tracking(pk.kinetic_energy)
+    plan = pk.plan(problem, starts=3, solver=solver, out=tmp_path / "run")
+    loaded = pk.load_plan(tmp_path / "run", problem)
+    names, count = {"auto": "interior-point", "sqp": "sqp"}, len(plan.optima)
+    entry = {"refinement": names[solver], "criticality": "cvxpy, Clarabel", "confirmed": count, "points": count}
+    assert plan.provenance["solvers"] == loaded.provenance["solvers"] == entry
+    assert [each.criticality for each in loaded.optima] == [each.criticality for each in plan.optima]
+    assert 0 <= max(each.criticality for each in plan.optima) <= 1e-6

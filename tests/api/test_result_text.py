@@ -13,7 +13,7 @@ import pytest
 
 import paretoik as pk
 from paretoik.api.load_front import load_front
-from paretoik.api.result_text import choice_text, entries, gap_text
+from paretoik.api.result_text import choice_text, entries, gap_text, result_text
 from paretoik.cli import main
 from paretoik.front.certificate_text import certificate_text
 from paretoik.run_files import to_json
@@ -46,6 +46,13 @@ def test_a_chosen_point_is_printed_with_its_certificate_and_its_exchange_rates(f
     printed = re.search(r"saving kinetic_energy costs (\S+) N²m²s of torque_norm per J s", " ".join(text.split()))
     rate = front.certificates.exchange_rates[choice.index, 0, 1]
     assert float(printed[1]) == pytest.approx(-rate, rel=1e-2)
+
+
+def test_the_summary_names_the_solvers_and_how_many_points_a_convex_program_confirmed(front, tmp_path):
+    entry = {"refinement": "interior-point", "criticality": "cvxpy, Clarabel", "confirmed": 5, "points": 5}
+    assert front.provenance["solvers"] == entry
+    text = " ".join(result_text(front, tmp_path).split())
+    assert "refined by the interior-point method; 5 of 5 points confirmed as critical by a convex subproblem" in text
 
 
 def test_jumps_and_what_further_points_could_add_are_printed(front):

@@ -51,7 +51,7 @@ def test_a_run_says_that_it_is_running_until_it_has_a_front(tmp_path):
         "mine.py:problem",
         {"seed": 1},
     )
-    assert set(provenance["versions"]) == {"paretoik", "pymoo", "numpy", "scipy", "numba", "clarabel"}
+    assert set(provenance["versions"]) == {"paretoik", "pymoo", "numpy", "scipy", "numba", "cvxpy", "clarabel"}
 
 
 def test_a_failure_stands_in_the_folder(tmp_path):

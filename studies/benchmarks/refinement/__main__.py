@@ -1,6 +1,6 @@
 """Our solvers beside others on the same programs, from the same starts; losses first.
 
-    python -m studies.benchmarks.refinement [--quick] [--cases NAME ...] [--seed N] [--json FILE]
+    python -m studies.benchmarks.refinement [--quick] [--counts] [--cases NAME ...] [--seed N] [--json FILE]
 
 A 3R arm and the Panda on their paths, 26 samples, with a smooth objective and with one that has kinks, and sliders from
 point to point, 9 samples. Ours are the interior-point method, which smooths kinks, and SQP whose convex subproblem is
@@ -15,6 +15,8 @@ its solver says that it is done.
 Seconds are of the processor, those of all starts for each that counts: failures are paid for. Building programs,
 compiling, and a first call are not counted. A peer's row is a loss where it takes less than what "auto" takes, or finds
 better by 1e-6 of the objective.
+
+``--counts`` prints instead how often the default verbs canonicalise and run Clarabel, and the share of their time.
 """
 
 from __future__ import annotations
@@ -26,8 +28,10 @@ from pathlib import Path
 
 import numpy as np
 
+from paretoik.execution.blas_threads import single_blas_thread
 from studies.benchmarks.planner.verdicts import LOSS, losses_first, timed
 from studies.benchmarks.refinement.cases import CASES, Contest, Solve
+from studies.benchmarks.refinement.counts import count_rows
 from studies.reporting import Row, report, study_parser, tell
 
 VIOLATION = 1e-6
@@ -109,9 +113,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     names = [case.name for case in CASES]
     parser.add_argument("--cases", nargs="+", choices=names, metavar="NAME", help="only these")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--counts", action="store_true", help="canonicalisations and Clarabel solves of default verbs")
     options = parser.parse_args(arguments)
+    if options.counts:
+        report(count_rows(), json_file=options.json)
+        return
     rows: list[Row] = []
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder, single_blas_thread():  # as verbs compute
         for case in CASES:
             if case.name in (options.cases or names):
                 tell(f"{case.name}: programs")
