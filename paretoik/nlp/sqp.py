@@ -45,6 +45,7 @@ class SqpOptions:
     excess: float = 1.3  # times the predicted reduction: a gain that shows the Hessian to be too stiff
     corrections: int = 1  # to second order, of one step
     flattening: float = 1e-8  # of the Hessian's largest entry: least eigenvalue where the Hessian is indefinite
+    step_tolerance: float = 1e-8  # of a step's optimality gap and infeasibility
     smallest_share: float = 1e-6  # of a flattened Hessian
     reduction_tolerance: float = 1e-15  # of the merit function: a predicted reduction that is rounding
     criticality_tolerance: float = 5e-7  # in sizes of the objective: first-order gain that rounding hides
@@ -267,6 +268,7 @@ class _Search:
                 elastic=model.elastic,
                 radius=self.radius,
                 penalty=self.penalty,
+                tolerance=self.options.step_tolerance,
             )
         except SolverFailed:
             return None

@@ -52,14 +52,14 @@ def solve_subproblem(
     elastic: int,
     radius: float,
     penalty: float,
+    tolerance: float = CLARABEL_TOLERANCE,
 ) -> Step:
-    """Return the solution where the first ``elastic`` inequalities are elastic.
+    """Return the solution, the first ``elastic`` inequalities being elastic.
 
-    ``hessian`` has to be symmetric and positive semidefinite. Raises SolverFailed where Clarabel ends without a
-    solution.
+    ``hessian`` has to be symmetric and positive semidefinite. Raises SolverFailed if Clarabel ends without a solution.
     """
     return subproblem_of(Pattern.of(constraints), elastic).solve(
-        gradient, hessian, constraints, radius=radius, penalty=penalty
+        gradient, hessian, constraints, radius=radius, penalty=penalty, tolerance=tolerance
     )
 
 
@@ -127,10 +127,10 @@ class ConvexSubproblem:
 
     def _quadratic(self, hessian: sparse.csr_array) -> sparse.csc_matrix:
         """Return P: the upper triangle of the Hessian in the rows and columns of d."""
-        lower, size = sparse.tril(hessian, format="csr"), self._form.variables
-        indptr = np.pad(lower.indptr, (self._d[0], size - 1 - self._d[-1]), mode="edge")
-        # rows of the lower triangle are columns of the upper one
-        return sparse.csc_matrix((lower.data, lower.indices + self._d[0], indptr), shape=(size, size))
+        lower, size = np.tril(hessian.toarray()), self._form.variables
+        column, row = np.nonzero(lower)  # rows of the lower triangle are columns of the upper one
+        indptr = np.searchsorted(self._d[column], np.arange(size + 1))
+        return sparse.csc_matrix((lower[column, row], self._d[row], indptr), shape=(size, size))
 
 
 subproblem_of = lru_cache(maxsize=64)(ConvexSubproblem)  # canonicalised statements
@@ -180,6 +180,7 @@ def solve_with_cvxpy(
     elastic: int,
     radius: float,
     penalty: float,
+    tolerance: float = CLARABEL_TOLERANCE,
 ) -> Step:
     """Return what ``solve_subproblem`` does, by cvxpy's own solve of the same statement.
 
@@ -190,7 +191,8 @@ def solve_with_cvxpy(
     statement.parameters.assign(_numbers(gradient, hessian, constraints, radius, penalty, scales))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # cvxpy reads its own sparse parameters as dense ones
-        statement.problem.solve(solver="CLARABEL")
+        tolerances = dict.fromkeys(("tol_gap_abs", "tol_gap_rel", "tol_feas"), tolerance)
+        statement.problem.solve(solver="CLARABEL", **tolerances)
     if statement.d.value is None:
         raise SolverFailed(f"step: a solution wanted, got {statement.problem.status}")
     return Step(

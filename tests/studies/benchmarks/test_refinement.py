@@ -17,6 +17,7 @@ from studies.benchmarks.planner.verdicts import LOSS
 from studies.benchmarks.refinement import cases
 from studies.benchmarks.refinement.__main__ import Ends, solve_all, tabulate
 from studies.benchmarks.refinement.cases import STATED, motions
+from studies.benchmarks.refinement.counts import counting
 from studies.benchmarks.refinement.nlp import Nlp, dense_nlp, ipopt_solver, motion_nlp, solve_with_scipy
 
 SAMPLES = 11
@@ -108,6 +109,15 @@ def test_ipopt_takes_a_program_by_its_functions():
 
 def test_scipy_says_that_it_ran_out_of_time(task, start, nlp):
     assert solve_with_scipy(nlp, pack(task, start), "trust-constr", 0.0) is None
+
+
+def test_solutions_of_clarabel_are_counted_and_each_optimum_of_a_plan_takes_some(task):
+    problem = pk.Tracking(task.arm, task.tasks[0].path, objectives=[pk.kinetic_energy], differences="backward")
+    with counting() as (_, solved, confirmed):
+        plan = pk.plan(problem, starts=2)
+    assert confirmed.calls == len(plan.optima)
+    assert solved.calls >= confirmed.calls
+    assert 0 < solved.seconds < confirmed.seconds
 
 
 def test_a_peer_that_is_quicker_or_better_is_a_loss():
