@@ -13,6 +13,7 @@ from unittest.mock import patch
 
 import paretoik as pk
 from paretoik.nlp.canonical import CanonicalForm
+from paretoik.nlp.criticality import criticality
 from paretoik.nlp.subproblem import ConvexSubproblem
 from paretoik.pareto import certificates
 from problems import panda, tringali_2020
@@ -49,7 +50,7 @@ def counting() -> Iterator[tuple[Count, Count, Count]]:
     with (
         patch.object(ConvexSubproblem, "__init__", canonical.wrap(ConvexSubproblem.__init__)),
         patch.object(CanonicalForm, "solve", solved.wrap(CanonicalForm.solve)),
-        patch.object(certificates, "criticality", confirmed.wrap(certificates.criticality)),
+        patch.object(certificates, "criticality", confirmed.wrap(criticality)),
     ):
         yield canonical, solved, confirmed
 
