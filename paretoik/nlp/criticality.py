@@ -121,7 +121,7 @@ def active_set_criticality(
 def _solve_near(
     gradients: np.ndarray, constraints: Constraints, radius: float, near: Int[np.ndarray, " near"]
 ) -> Criticality:
-    """Return the criticality with the inequalities ``near`` alone, by the loosest tolerance that has to be."""
+    """Return the criticality with only the inequalities ``near``, by the first tolerance that Clarabel reaches."""
     (count, columns), scale = gradients.shape, _scale(gradients)
     statement = Constraints(
         unknowns=constraints.unknowns,
