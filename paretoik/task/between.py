@@ -27,7 +27,8 @@ class RefinementOptions:
     width: points of a finite difference
     divisions: largest number of steps that are divided at once
     rounds: most times that steps are divided
-    rounding: share of a limit's range below which a bound is not lowered further
+    rounding: share of a limit's range by which a bound may be above the largest value
+    share: share of the largest value by which it may be above that
     """
 
     steps: int = 8
@@ -35,6 +36,7 @@ class RefinementOptions:
     divisions: int = 64
     rounds: int = 12
     rounding: float = 1e-10
+    share: float = 1e-3
 
 
 OPTIONS = RefinementOptions()
@@ -90,25 +92,27 @@ def largest_between(evaluate: Callable[[Pieces], Columns], times: Pieces) -> flo
     """Return an upper bound, 0 at least, of values between the times of pieces where they are continuous.
 
     Between two neighbours a value exceeds the larger one by at most an eighth of the squared step times its curvature.
-    The curvature is measured: the largest of the second differences around, and as much again as they differ, doubled,
-    which covers a kink too. Steps whose bound exceeds the largest value are divided until none does.
+    The curvature is measured: the largest of the second differences around, and as much again as they differ, at least
+    doubled, which covers a kink too. Steps whose bound exceeds the largest value by more than rounding are divided.
     """
-    values = evaluate(times)
-    largest = float(values.max(initial=0.0))
+    values, upper = evaluate(times), np.float64(0.0)
+    largest = values.max(initial=0.0)
     begin, end, bounds = _step_bounds(times, values)
     for _ in range(OPTIONS.rounds):
-        left = bounds > largest + OPTIONS.rounding
-        if not left.any():
-            return largest
-        begin, end, bounds = begin[left], end[left], bounds[left]
+        open_ = bounds > largest + np.maximum(OPTIONS.rounding, OPTIONS.share * largest)
+        upper = np.maximum(upper, bounds[~open_].max(initial=0.0))
+        begin, end, bounds = begin[open_], end[open_], bounds[open_]
+        if not len(bounds):
+            break
         order = np.argsort(-bounds)
         divided, others = order[: OPTIONS.divisions], order[OPTIONS.divisions :]
         times = np.linspace(begin[divided], end[divided], OPTIONS.steps + 1, axis=1)
         values = evaluate(times)
-        largest = max(largest, float(values.max()))
+        largest = np.maximum(largest, values.max())
         parts = zip((begin, end, bounds), _step_bounds(times, values), strict=True)
         begin, end, bounds = (np.concatenate([whole[others], part]) for whole, part in parts)
-    return max(largest, float(bounds.max()))
+    upper = np.max([upper, largest, bounds.max(initial=0.0)])
+    return 0.0 if upper <= OPTIONS.rounding else float(upper)  # NaN if a value is
 
 
 def _step_bounds(times: Pieces, values: Columns) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -116,7 +120,9 @@ def _step_bounds(times: Pieces, values: Columns) -> tuple[np.ndarray, np.ndarray
     bends = np.pad(np.diff(values, 2, axis=1), ((0, 0), (2, 2), (0, 0)), mode="edge")
     around = sliding_window_view(bends, 4, axis=1)
     low, high = around.min(axis=-1), around.max(axis=-1)
-    bounds = np.maximum(values[:, :-1], values[:, 1:]) + (np.maximum(-low, 0.0) + high - low) / 4
+    share = np.full((values.shape[1] - 1, 1), 1 / 4)
+    share[[0, -1]] = 1 / 2  # at the ends of a piece only one second difference sees a kink
+    bounds = np.maximum(values[:, :-1], values[:, 1:]) + share * (np.maximum(-low, 0.0) + high - low)
     return times[:, :-1].ravel(), times[:, 1:].ravel(), bounds.max(axis=-1, initial=0.0).ravel()
 
 

@@ -272,7 +272,9 @@ def _tightened_bounds(
 
 def _peaks(values: Float[np.ndarray, " time"]) -> Float[np.ndarray, " time"]:
     """Return values, each as large as the top of the parabola through it and both neighbours if that is next to it."""
-    peaks, slope, bend = values.copy(), np.diff(values), np.diff(values, 2)
+    with np.errstate(invalid="ignore"):  # −inf is no limit
+        slope, bend = np.diff(values), np.diff(values, 2)
+    peaks = values.copy()
     inner = peaks[1:-1]
     top = (slope[:-1] >= 0) & (slope[1:] <= 0) & (bend < 0)
     inner[top] -= (slope[:-1] + slope[1:])[top] ** 2 / (8 * bend[top])

@@ -27,7 +27,13 @@ def test_no_grid_finds_more_than_the_bound_of_waves_with_kinks(seed):
     knots = np.sort(np.append(rng.uniform(size=9), [0.0, 1.0]))
     bound = largest_between(columns, divide(knots))
     dense = columns(np.append(np.linspace(0, 1, 100_001), corners)).max(initial=0.0)
-    assert dense - TOLERANCE <= bound <= dense + 1e-6
+    assert dense - TOLERANCE <= bound <= 1.002 * dense + 1e-6
+
+
+def test_a_value_that_is_none_is_no_bound():
+    assert np.isnan(
+        largest_between(lambda times: np.where(times > 0.5, np.nan, 0.0)[..., None], divide(np.arange(4.0)))
+    )
 
 
 @pk.constraint(unit="m", lower=0.05)
@@ -116,3 +122,15 @@ def test_no_finer_grid_finds_a_larger_violation(made, seed, differences):
     motions = task.motion(q)
     for motion, stated in zip(motions, task.violation_between(motions), strict=True):
         assert stated >= max(found_on_a_grid(task, motion)) - TOLERANCE
+
+
+def test_a_limit_that_ends_is_judged_while_there_is_one():
+    arm, path, _ = planar(np.random.default_rng(1))
+    velocity = np.full((13, 4), 0.1)
+    velocity[5:] = np.inf
+    task, always = (
+        pk.Tracking(arm, path, objectives=[pk.kinetic_energy], limits=pk.Limits(velocity=each)).task
+        for each in (velocity, 0.1)
+    )
+    motions = task.motion(sample_starts(always, 1, np.random.default_rng(0)))
+    assert 0 < task.violation_between(motions)[0] <= always.violation_between(motions)[0] < np.inf
