@@ -200,8 +200,10 @@ class MotionTask:
     def _worst_between(self, motion: Motion) -> float:
         def shares(times: Float[np.ndarray, "pieces instants"]) -> Float[np.ndarray, "pieces instants limits"]:
             q, dq, ddq, jerk = curve_on(motion, times)
+            inner = times.copy()  # a limit that begins or ends at a sample is one of the interval where it holds
+            inner[:, [0, -1]] += [1e-9, -1e-9] * (times[:, -1:] - times[:, :1])
             derivatives = Derivatives(dq=dq, ddq=ddq, jerk=jerk, velocity_bounds=dq)
-            pieces = replace(motion, time=times, q=q, derivatives=derivatives, cyclic=False)
+            pieces = replace(motion, time=inner, q=q, derivatives=derivatives, cyclic=False)
             columns = self._limit_shares(pieces) + [each.shares(pieces)[..., None] for each in peaks]
             return np.maximum(np.concatenate([*columns, np.zeros((*times.shape, 1))], axis=-1), -1.0)  # −inf: no limit
 
