@@ -159,7 +159,7 @@ def random_chains(
 ) -> Iterator[tuple[str | None, str, dict[str, float]]]:
     """Yield base, tip and fixed joints: from the root to some leaves, then between random links.
 
-    A joint that could move is between base and tip, though it may be fixed.
+    At least one joint that could move is between base and tip and not fixed.
     """
     movable = {link for link, (name, _) in tree.parents.items() if tree.types[name] in MOVING}
     for leaf in rng.permutation([link for link in tree.leaves if movable & {link, *tree.above(link)}])[:leaves]:
@@ -168,7 +168,8 @@ def random_chains(
         line = [tip, *tree.above(tip)]
         first = next(row for row, link in enumerate(line) if link in movable)
         base = str(rng.choice(line[first + 1 :]))
-        free = [name for name, kind in tree.types.items() if kind in MOVING and name not in tree.mimics]
+        kept = tree.parents[line[first]][0]
+        free = [name for name, kind in tree.types.items() if kind in MOVING and name not in (kept, *tree.mimics)]
         ranges = {name: np.clip(tree.limits.get(name, (-3.0, 3.0)), -3.0, 3.0) for name in free}
         chosen = [name for name, (lower, upper) in ranges.items() if lower <= upper and rng.random() < 0.2]
         yield base, tip, {name: float(rng.uniform(*ranges[name])) for name in chosen}
@@ -247,7 +248,8 @@ def compare_file(file: Path, tally: Tally, rng: np.random.Generator, leaves: int
 
 def _reason(fault: str) -> str:
     """Return what a fault is about, without its line and names."""
-    return re.sub(r"^(line \d+: )?((link|joint) '[^']*': )?|, got principal.*|;.*", "", fault).strip()
+    text = re.sub(r"^(line \d+: )?((link|joint) '[^']*': )?|, got principal.*|;.*", "", fault)
+    return re.sub(r"'[^']*'", "...", text)
 
 
 def package_files(package: str) -> list[Path]:
