@@ -89,7 +89,7 @@ def curve_on(motions: Motion, times: Pieces) -> tuple[Float[np.ndarray, "*batch 
 
 
 def largest_between(evaluate: Callable[[Pieces], Columns], times: Pieces) -> float:
-    """Return an upper bound, 0 at least, of values between the times of pieces where they are continuous.
+    """Return an upper bound, 0 at least, of values that are continuous within pieces.
 
     Between two neighbours a value exceeds the larger one by at most an eighth of the squared step times its curvature.
     The curvature is measured: the largest of the second differences around, and as much again as they differ, at least

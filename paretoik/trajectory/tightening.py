@@ -1,9 +1,9 @@
 """Limits between samples: tightened at each instant by what a motion's curve exceeds them nearby, and solved again.
 
 A program bounds a motion at its instants. The projection onto the path, and torques, powers and distances between
-instants, may exceed a limit a little. What they exceed it by is taken from the limit there, and a small margin too, so
-that the curve ends strictly within its limits. Accelerations, torques and powers are limited with the rates that the
-path allows as well (``projected_rates``): else those of the spline would give way where the projection does not follow.
+instants, may exceed a limit a little. The limit there is lowered by the excess and a small margin, so that the curve
+ends strictly within its limits. Accelerations, torques and powers are limited with the rates that the
+path allows as well (``projected_rates``): else those of the spline would give way, but not the projection.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class TighteningOptions:
     rounds: most times that limits are tightened
     largest: share that a limit moves by at most in a round
     steps: steps of an interval between two samples in which a motion is looked at
-    shares: shares of what a limit should move by, tried in turn until a motion is found
+    shares: shares of what a limit should move by; the first that leads to a motion counts
     weight: weight of every objective but the first of a point without weights, as when fronts are refined
     least_weight: least share that any objective has of a point's weights
     warm: options of the interior point that is tried first
@@ -241,8 +241,8 @@ def _tightened_bounds(
 ) -> Float[np.ndarray, " limits"]:
     """Return the bounds of a program, each moved inwards by the margin and what is exceeded within half a sample.
 
-    Where the limit itself is not active, as the excess is that of the projection, it bounds the value there instead;
-    where it is exceeded itself, by so much less. Limits that hold on the path as well stay there alone.
+    If the limit itself is not active, because the excess is that of the projection, it bounds the value there instead;
+    if it is exceeded itself, it moves by so much less. Limits that hold on the path as well stay there alone.
     """
     task, bounds, elastic = program.task, before.copy(), program.elastic
     curve = finer_motion(task.motion(x), OPTIONS.steps)

@@ -5,10 +5,10 @@
 Six problems whose limits are active: the paper's planar arm, a planar 4R with acceleration limits, the Panda with
 velocity and torque limits, a cyclic path, an obstacle, and a fixed start with limits that vary along the path. Every
 point of a small front is exported at 100, 250 and 1,000 Hz to a controller with the same limits, with a ramp at both
-ends, where a controller wants rest; "refused" counts those that ``pk.export`` refuses, "beyond" the exported samples
-at the motion's own speed, without a ramp, that exceed a limit by any amount. "price" is what the margin costs: each
-point is tightened from its optimum at the samples once with the margin and once without, and the largest rise of every
-objective is printed. Peaks of limits are found on a grid of 200 instants a sample, ``violation_between`` must be more.
+ends, because a controller must start and end at rest; "refused" counts those that ``pk.export`` refuses. "beyond" is by
+how much the samples exported at the motion's own speed, without a ramp, exceed a limit at most; it is negative if they
+keep all. "price" is what the margin costs: each point is tightened from its optimum at the samples once with the margin
+and once without, and the largest rise of every objective is printed.
 """
 
 from __future__ import annotations
