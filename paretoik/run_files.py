@@ -37,6 +37,7 @@ SEARCHES = "searches.npz"
 OPTIMA = "optima.parquet"
 TRACES = "traces.npz"
 POLYGON = "polygon.npz"
+TOOL_PATH = "tool_path.npz"
 DRAWING = "picture.png"
 CHECKPOINT = "checkpoint"  # a folder: what a run that was stopped goes on from
 JOURNAL = "journal"  # in it
@@ -56,6 +57,7 @@ CONTENTS = (
     OPTIMA,
     TRACES,
     POLYGON,
+    TOOL_PATH,
     DRAWING,
     CHECKPOINT,
     CHOICES,

@@ -6,8 +6,10 @@ R. Source: Kim, Choi & Jang 2021, Eq. 6, with one interval in common and the lim
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -21,6 +23,7 @@ from paretoik.capability.model_evaluation import (
     is_outside,
     linearise_pieces,
 )
+from paretoik.capability.path_runs import PathQuery, run_path
 from paretoik.capability.speed_models import SpeedModel, check_model
 from paretoik.errors import InvalidInput, SolverFailed
 from paretoik.inputs import ArrayLike, check_size, finite_array
@@ -89,7 +92,16 @@ def path_time(model: SpeedModel, points: ArrayLike, *, tolerance: float = OPTION
 
 
 @check_call
-def fastest_path(model: SpeedModel, start: ArrayLike, target: ArrayLike, *, intervals: int = 100) -> FastestPath:
+def fastest_path(
+    model: SpeedModel,
+    start: ArrayLike,
+    target: ArrayLike,
+    *,
+    intervals: int = 100,
+    out: str | Path | None = None,
+    overwrite: bool = False,
+    observe: Callable[[Any], object] | bool | None = None,
+) -> FastestPath:
     """Return the fastest path from ``start`` to ``target`` (task,) [m] within the model's box.
 
     Its pieces take nearly equal times: their limit is that of their middles, and Σ ‖R Δp‖² is minimised by Newton's
@@ -97,11 +109,25 @@ def fastest_path(model: SpeedModel, start: ArrayLike, target: ArrayLike, *, inte
     quadrature, since a coarse sum can be below what the path really takes. Saddles are left: where the model is smooth,
     locally fastest is certain, globally only as far as the starts reach.
 
+    ``out`` is a folder to keep the run in: run.json, tool_path.npz with every array of the result, review.rrd, in which
+    the tool moves along the path, and picture.png. ``overwrite`` allows it to replace a run that is there. ``observe``
+    is called with a ``RunProgress`` while something is compiled or saved; as for ``plan``.
+
     Raises InvalidInput for ends that are not finite or outside the box, fewer than one interval, and a model that is
     not finite somewhere; SolverFailed where no start leads to a minimum.
     """
     check_size("intervals", intervals, 1)
     first, last = check_ends(model, start, target)
+    query = PathQuery(
+        verb="fastest_path", model=model, start=first, target=last, settings={"intervals": int(intervals)}
+    )
+    return run_path(
+        query, lambda: _find_fastest(model, first, last, intervals), out=out, overwrite=overwrite, observe=observe
+    )
+
+
+def _find_fastest(model: SpeedModel, first: np.ndarray, last: np.ndarray, intervals: int) -> FastestPath:
+    """Return the fastest path that the starts lead to; raises SolverFailed if none leads to a minimum."""
     paths = [_minimise_energy(model, points) for points in _initial_paths(model, first, last, intervals)]
     optima = [path for path in paths if path is not None]
     if not optima:

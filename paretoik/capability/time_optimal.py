@@ -5,9 +5,11 @@ Source: Kim, Choi & Jang 2021, Eqs. 6 and 7. ``planner`` makes the plans.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from time import perf_counter
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -15,6 +17,7 @@ from jaxtyping import Float, Int
 from paretoik.call_arguments import check_call
 from paretoik.capability.geodesic import path_time
 from paretoik.capability.model_evaluation import check_ends, check_inside, evaluate_roots
+from paretoik.capability.path_runs import PathQuery, run_path
 from paretoik.capability.planner import Formulation, Plan, Planner
 from paretoik.capability.speed_models import SpeedModel, check_model
 from paretoik.errors import InvalidInput, SolverFailed
@@ -62,6 +65,9 @@ def time_optimal_control(
     tolerance: float = 1e-6,
     formulation: Formulation = "midpoint",
     initial: ArrayLike | None = None,
+    out: str | Path | None = None,
+    overwrite: bool = False,
+    observe: Callable[[Any], object] | bool | None = None,
 ) -> TimeOptimalRun:
     """Lead the tool from ``start`` to ``target`` (task,) [m] in the least time, planning anew every period.
 
@@ -73,6 +79,10 @@ def time_optimal_control(
     The plant is the model itself: commands hold exactly for a period. The tool's position is fed back to the controller
     only; plans begin at the reference, so that ``arrival`` and ``to_go`` depend neither on ``initial`` nor on ``gain``,
     and say nothing about an arm that is slower than its model.
+
+    ``out`` is a folder to keep the run in: run.json, tool_path.npz with every array of the result, review.rrd, in which
+    the tool moves along its path, and picture.png. ``overwrite`` allows it to replace a run that is there. ``observe``
+    is called with a ``RunProgress`` while something is compiled or saved; as for ``plan``.
 
     Source: Kim, Choi & Jang 2021, Eqs. 6 and 7, with the gain, the cut and the two ends added.
 
@@ -92,8 +102,37 @@ def time_optimal_control(
     first, last = check_ends(model, start, target)
     tool = first if initial is None else finite_array("initial", initial, first.shape)
     check_inside(model, "initial", tool)
+    settings = {
+        "horizon": int(horizon),
+        "period": float(period),
+        "gain": float(gain),
+        "tolerance": float(tolerance),
+        "formulation": formulation,
+        "initial": None if initial is None else tool.tolist(),
+    }
+    query = PathQuery(verb="time_optimal_control", model=model, start=first, target=last, settings=settings)
+    return run_path(
+        query,
+        lambda: _control(planner, first, last, tool, period=period, gain=gain, tolerance=tolerance),
+        out=out,
+        overwrite=overwrite,
+        observe=observe,
+    )
+
+
+def _control(
+    planner: Planner,
+    first: np.ndarray,
+    last: np.ndarray,
+    tool: np.ndarray,
+    *,
+    period: float,
+    gain: float,
+    tolerance: float,
+) -> TimeOptimalRun:
+    """Return what the control does; raises SolverFailed as ``time_optimal_control`` says."""
     references, plans, seconds = _reference(planner, first, last, period)
-    positions, velocities, cuts = _track(model, tool, references, period, gain, tolerance)
+    positions, velocities, cuts = _track(planner.model, tool, references, period, gain, tolerance)
     times = period * np.arange(len(positions))
     return TimeOptimalRun(
         times=times,

@@ -32,6 +32,7 @@ ENDINGS = {  # what a status means; others are told as they are
     "refined": "all points were refined",
     "resolved": "all steps were taken",
     "maxima": "all directions were searched",
+    "path": "the path is complete",
     "generations": "all generations were run",
     "evaluations": "all evaluations that were allowed are spent",
     "time limit": "the time limit was reached",

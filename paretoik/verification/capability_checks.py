@@ -71,6 +71,22 @@ def _check_work(run: RunContents, problem: Any, model: ArmModel, row: int, q: np
         yield judge("objective energy", abs(value - work) / max(work, 1e-12), 1e-8, detail, point=point)
 
 
+def check_tool_path(run: RunContents) -> Iterator[Check]:
+    """Check where a tool path begins and ends, that it stays in its box, and that its times grow."""
+    arrays = run.arrays["tool_path.npz"]
+    tool = np.asarray(arrays["positions" if "positions" in arrays else "points"], dtype=float)
+    settings = dict(run.entries.get("settings", {}))
+    size = max(float(np.ptp(tool, axis=0).max()), float(np.abs(tool).max()))
+    for name, place, at in (("start", settings.get("initial") or arrays["start"], 0), ("target", arrays["target"], -1)):
+        off = float(np.linalg.norm(tool[at] - np.asarray(place, dtype=float)))
+        allowed = OPTIONS.on_path * size + float(settings.get("tolerance", 0.0))
+        yield demand(name, off <= allowed, f"the tool is {off:.3g} m off")
+    outside = np.maximum(tool - arrays["upper"], arrays["lower"] - tool).max()
+    yield demand("box of the model", outside <= OPTIONS.on_path * size, f"the tool is {outside:.3g} m outside")
+    yield demand("times", bool((np.diff(arrays["times"]) >= 0).all()), "they do not grow")
+    yield leave_out("speeds", "the speed model is not stored")
+
+
 def check_polygon(run: RunContents, model: ArmModel | None) -> Iterator[Check]:
     """Check the postures and speeds of a polygon, with its arm."""
     arrays = run.arrays.get("polygon.npz", {})

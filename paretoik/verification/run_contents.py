@@ -16,7 +16,7 @@ from paretoik.stored_arrays import read_arrays, read_table
 from paretoik.verification.report import Check, demand
 
 TEXTS = ("status", "reason", "branch")  # columns of a table that hold no numbers
-RESULTS = (TABLE, OPTIMA, MOTIONS, "polygon.npz", "traces.npz")
+RESULTS = (TABLE, OPTIMA, MOTIONS, "polygon.npz", "traces.npz", "tool_path.npz")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -11,7 +11,7 @@ import numpy as np
 from paretoik.execution.computation import computed_text
 from paretoik.verification.arm_model import ArmModel, build_model
 from paretoik.verification.between_checks import check_between
-from paretoik.verification.capability_checks import check_point_to_point, check_polygon, check_standing
+from paretoik.verification.capability_checks import check_point_to_point, check_polygon, check_standing, check_tool_path
 from paretoik.verification.certificate_checks import check_certificate
 from paretoik.verification.loop_checks import check_loop
 from paretoik.verification.measured_motion import measure
@@ -41,6 +41,8 @@ def verify_run(
     if "polygon.npz" in run.arrays:
         arm = None if problem is None else build_model(getattr(problem, "arm", problem))
         rows += _collect(check_polygon(run, arm))
+    elif "tool_path.npz" in run.arrays:
+        rows += _collect(check_tool_path(run))
     elif "resolved" in holds:
         task = getattr(problem, "task", None)
         rows += _collect(check_resolution(run, task, None if task is None else build_model(task.arm)))

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.run_files import DRAWING, POLYGON, RECORDING, TRACES
+from paretoik.run_files import DRAWING, POLYGON, RECORDING, TOOL_PATH, TRACES
 from tests.api.problems import PATH, tracking
 from tests.api.test_nothing_given_is_lost import drawn
+from tests.capability.test_geodesic import Even
 from tests.execution.test_run_folder import holder
 
 
@@ -111,3 +112,35 @@ def test_directional_maxima_keep_their_polygon(tmp_path):
         assert np.array_equal(stored["values"], polygon.values)
         assert np.array_equal(stored["q"], polygon.q)
     assert entries(tmp_path)["counts"]["found"] == 4
+
+
+SPEEDS = {2: Even(np.diag([1.0, 2.0]), np.full(2, -1.0), np.ones(2)), 3: Even(np.eye(3), np.full(3, -1.0), np.ones(3))}
+
+
+@pytest.mark.parametrize("axes", SPEEDS)
+@pytest.mark.parametrize("verb", ["fastest_path", "time_optimal_control"])
+def test_tool_paths_are_kept_and_verified_and_are_the_same_without_a_folder(tmp_path, axes, verb):
+    find, ends = getattr(pk.capability, verb), (np.full(axes, -0.5), np.linspace(0.4, 0.6, axes))
+    settings = {"intervals": 20} if verb == "fastest_path" else {"period": 0.02, "gain": 20.0}
+    path, alone = find(SPEEDS[axes], *ends, **settings, out=tmp_path), find(SPEEDS[axes], *ends, **settings)
+    with np.load(tmp_path / TOOL_PATH) as stored:
+        for each in fields(path):
+            assert np.array_equal(stored[each.name], getattr(path, each.name))
+            assert each.name == "seconds" or np.array_equal(getattr(alone, each.name), getattr(path, each.name))
+        assert np.array_equal(stored["target"], ends[1])
+    said = entries(tmp_path)
+    assert (said["verb"], said["status"], said["duration"]) == (verb, "path", path.times[-1])
+    assert said["settings"].items() >= settings.items()
+    assert all((tmp_path / name).stat().st_size > 1000 for name in (RECORDING, DRAWING))
+    checks = {each.subject: each.verdict for each in pk.verify(tmp_path).rows}
+    assert {checks[name] for name in ("start", "target", "box of the model", "times")} == {"passed"}
+    with pytest.raises(pk.InvalidInput, match="permission to overwrite"):
+        find(SPEEDS[axes], *ends, **settings, out=tmp_path)
+    again = find(SPEEDS[axes], *ends, **settings, out=tmp_path, overwrite=True)
+    assert np.array_equal(again.times, path.times)
+
+
+def test_a_tool_path_that_cannot_be_computed_leaves_no_folder(tmp_path):
+    with pytest.raises(pk.InvalidInput, match="target"):
+        pk.capability.fastest_path(SPEEDS[2], [0.0, 0.0], [5.0, 0.0], out=tmp_path / "run")
+    assert not (tmp_path / "run").exists()

@@ -9,6 +9,7 @@ import paretoik as pk
 from paretoik.capability import JointActuation, MotorCurve
 from paretoik.review.drawing.drawn_axes import TEXT, text_width
 from tests.api.problems import PATH
+from tests.capability.test_geodesic import Even
 from tests.review.reading import SECOND, blank_views, last_text, missing_entities, read, rows, static_words, views
 from tests.review.view_sizes import touching_words
 
@@ -183,3 +184,15 @@ def test_maxima_in_space_are_rays_on_axes_of_speed(tmp_path):
     words = static_words(read(file)["/maxima/axes/labels"])
     assert [f"{axis} [m/s]" for axis in "xyz"] == words[-3:]
     assert "/maxima" in views(file).values()
+
+
+@pytest.mark.parametrize("axes", [2, 3])
+def test_a_tool_path_is_walked_along(tmp_path, axes):
+    model = Even(np.eye(axes), np.full(axes, -1.0), np.ones(axes))
+    ends = np.full(axes, -0.5), np.linspace(0.4, 0.6, axes)
+    pk.capability.time_optimal_control(model, *ends, period=0.05, gain=10.0, out=tmp_path)
+    file = tmp_path / "review.rrd"
+    entities = read(file)
+    assert not missing_entities(file, ["/path/line", "/path/reference", "/path/ends", "/charts/speed/curves"], {})
+    assert len(rows(entities["/path/tool"], "motion", "positions")) > 10
+    assert "● reference" in static_words(entities["/legend/words"])

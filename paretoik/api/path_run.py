@@ -1,0 +1,75 @@
+"""The run of a tool path: the fastest one, or time-optimal control along it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import fields
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from paretoik.api.progress import Observer
+from paretoik.api.run_session import RunSession, Subject, run_session
+from paretoik.capability.geodesic import FastestPath
+from paretoik.capability.path_runs import PathQuery
+from paretoik.capability.time_optimal import TimeOptimalRun
+from paretoik.fingerprint.fingerprint import fingerprint
+from paretoik.front.storage import array_bytes
+from paretoik.review.recording.recorded_path import PathEnd, PathScene
+from paretoik.run_files import DRAWING, TOOL_PATH, write_result
+
+HOLDS = f"a tool path, its arrays in {TOOL_PATH}"
+Result = TypeVar("Result", FastestPath, TimeOptimalRun)
+
+
+def keep_path(
+    query: PathQuery,
+    compute: Callable[[], Result],
+    *,
+    out: str | Path | None,
+    overwrite: bool,
+    observe: Observer | bool | None,
+) -> Result:
+    """Return a tool path, kept in the folder ``out``: run.json, tool_path.npz, review.rrd and picture.png."""
+    with run_session(
+        Subject(title=query.verb.replace("_", " "), fingerprint=fingerprint(query)),
+        verb=query.verb,
+        settings=query.settings,
+        out=out,
+        overwrite=overwrite,
+        observe=observe,
+        catch_signals=False,  # a path is whole or none
+    ) as session:
+        session.start_recording(PathScene(title=query.verb.replace("_", " "), start=query.start, target=query.target))
+        path = compute()
+        counts = {"samples": len(path.times), "seconds": round(session.seconds, 3)}
+        provenance = {**session.provenance, "status": "path", "counts": counts, "duration": float(path.times[-1])}
+        session.keep(lambda folder: _save(path, query, provenance, folder), status=provenance["status"])
+        with session.reviewing():
+            _review(path, query, provenance, session)
+    return path
+
+
+def _save(path: Result, query: PathQuery, provenance: dict[str, Any], folder: Path) -> None:
+    """Write a path into a folder, all of its files at once or none.
+
+    In `tool_path.npz` are the arrays and numbers of the result by name, ``start``, ``target``, and the box of the
+    model, ``lower`` and ``upper``.
+    """
+    arrays = {each.name: np.asarray(getattr(path, each.name)) for each in fields(path)}
+    box = {"lower": query.model.lower, "upper": query.model.upper, "start": query.start, "target": query.target}
+    content = array_bytes(arrays | {name: np.asarray(each, dtype=float) for name, each in box.items()})
+    write_result(folder, {**provenance, "holds": HOLDS}, {TOOL_PATH: content})
+
+
+def _review(path: Result, query: PathQuery, provenance: dict[str, Any], session: RunSession) -> None:
+    """Complete the recording, and draw the path."""
+    if session.folder is None:
+        return
+    tool, reference = (path.points, None) if isinstance(path, FastestPath) else (path.positions, path.references)
+    end = PathEnd(times=path.times, tool=tool, reference=reference, target=query.target, provenance=provenance)
+    session.finish_recording(end)
+    from paretoik.review.pictures.path_picture import path_picture  # here: matplotlib takes its time
+
+    path_picture(end, session.folder / DRAWING)

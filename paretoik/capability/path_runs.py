@@ -1,0 +1,44 @@
+"""Tool paths that are kept in run folders: whoever keeps them lies above, and is handed over by ``paretoik``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+from jaxtyping import Float
+
+from paretoik.capability.keepers import KEEPERS
+from paretoik.capability.speed_models import SpeedModel
+from paretoik.inputs import check_flag
+
+Result = TypeVar("Result")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PathQuery:
+    """A path that is asked for: by which ``verb``, from ``start`` to ``target`` [m], with which ``settings``."""
+
+    verb: str
+    model: SpeedModel
+    start: Float[np.ndarray, " task"]
+    target: Float[np.ndarray, " task"]
+    settings: Mapping[str, object]
+
+
+def run_path(
+    query: PathQuery,
+    compute: Callable[[], Result],
+    *,
+    out: str | Path | None,
+    overwrite: bool,
+    observe: Callable[[Any], object] | bool | None,
+) -> Result:
+    """Return what ``compute`` returns, kept in the folder ``out`` if there is one."""
+    check_flag("overwrite", overwrite)
+    if out is None and observe is None:  # as if thousands are asked for
+        return compute()
+    result: Result = KEEPERS[0](query, compute, out=out, overwrite=overwrite, observe=observe)
+    return result
