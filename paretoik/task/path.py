@@ -144,6 +144,9 @@ class Path:
         instants = finite_array("path times", times)
         if instants.ndim != 1:
             raise InvalidInput(f"path times: must be one row of numbers, got shape {instants.shape}")
+        check_size("sample", sample, 0)
+        if sample >= len(self.times):
+            raise InvalidInput(f"sample must be at most {len(self.times) - 1}, the path's last, got {sample}")
         quaternion = None if self.quaternions is None else self.quaternions[sample]
         start = self.positions[sample]
         return sample_curve(Line(start, np.zeros_like(start), quaternion, np.zeros(3)), instants)

@@ -148,6 +148,7 @@ class Examples:
             "form": lambda: "integral",
             "name": lambda: "tool",
             "q": lambda: np.zeros(3),
+            "ControlStep.q": lambda: np.array([0.0, 0.327, -0.754]),
             "preference": pk.Knee,
             "choice": lambda: int(self.objects.front.ids[1]),
             "current": lambda: 0,
