@@ -191,6 +191,13 @@ def problem_words(reference: object) -> tuple[str, ...]:
     return ("--problem", reference) if isinstance(reference, str) and reference else ()
 
 
+def was_cut_off(folder: Path) -> bool:
+    """Return whether a folder holds a run that was stopped, or killed, after it had something to resume from."""
+    run = _entries(folder / RUN) or {}
+    is_unfinished = run.get("status") in (*STOPPED, "running", "refining")
+    return is_unfinished and can_resume(folder) and (folder / CHECKPOINT / JOURNAL).stat().st_size > 0
+
+
 def unfinished_note(folder: Path) -> str:
     """Say what can be done with a run that has no result, and where the one is that it replaces, after an error.
 

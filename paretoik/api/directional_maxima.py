@@ -85,7 +85,7 @@ def directional_maxima(
         start_recording(query, session)
         polygon = performance_polygon(query)
         provenance = {**session.provenance, "status": "maxima", "counts": polygon_counts(polygon, session.seconds)}
-        session.keep(lambda folder: save_polygon(polygon, provenance, folder), status=provenance["status"])
+        session.keep(polygon, lambda folder: save_polygon(polygon, provenance, folder), status=provenance["status"])
         with session.reviewing():
             review_polygon(polygon, provenance, session)
     return polygon

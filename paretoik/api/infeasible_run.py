@@ -86,7 +86,8 @@ def infeasible_files(problem: ObjectiveNames, failure: Infeasible, nearest: Leas
 
 def is_infeasible(folder: Path) -> bool:
     """Say whether a folder holds a run that found nothing feasible."""
-    return is_run(folder / RUN) and read_run(folder / RUN).get("status") == "Infeasible"
+    run = read_run(folder / RUN) if is_run(folder / RUN) else {}
+    return run.get("status") == "Infeasible" or (ENTRY in run and "files" not in run)  # a signal may have ended it
 
 
 def read_infeasible(folder: Path) -> InfeasibleRun:

@@ -131,7 +131,7 @@ def plan(
         plan = replace(plan, provenance={**session.provenance, **ending})
         (name,), (unit,), (maximised,) = problem.names, problem.units, problem.maximised
         save = partial(save_plan, plan, name=name, unit=unit, maximised=bool(maximised))
-        session.keep(save, status=plan.provenance["status"])
+        session.keep(plan, save, status=plan.provenance["status"])
         with session.reviewing():
             display.review(plan)
     return plan

@@ -6,12 +6,14 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from signal import SIGUSR1
 
 from paretoik.api.progress import Observer, RunProgress, show_compilation
 from paretoik.compilation_notices import observe_compilation, print_line
 from paretoik.errors import InvalidInput
 from paretoik.inputs import check_function
-from paretoik.user_functions import user_function
+from paretoik.stop_flag import STOP
+from paretoik.user_functions import attribute_of, user_function
 
 
 @contextmanager
@@ -19,7 +21,9 @@ def open_observer(observe: Observer | bool | None, *, time_limit: float | None =
     """Yield the observer of a verb, which also learns what is compiled.
 
     That is ``observe`` itself; for None a bar where stderr is a terminal, else a line a minute, from the first on; for
-    True that bar, or else lines at once; for False none. Raises InvalidInput for what cannot be called.
+    True that bar, or else lines at once; for False none. An observer that raises asks the verb to stop, as a signal
+    does, so that what was found by then is kept; at the end of the body InvalidInput names it. Raises InvalidInput for
+    what cannot be called.
     """
     if observe is None or observe is True:
         if sys.stderr is not None and sys.stderr.isatty():
@@ -32,26 +36,38 @@ def open_observer(observe: Observer | bool | None, *, time_limit: float | None =
             yield None
         return
     check_function("observe", observe)
-    observe = _NamedObserver(observe)
-    with show_compilation(observe):
-        yield observe
+    named = NamedObserver(observe)
+    try:
+        with show_compilation(named):
+            yield named
+    finally:
+        if named.fault is not None:
+            STOP[0] = 0
+            raise named.fault
 
 
-class _NamedObserver:
-    """An observer of a user's: what it raises is raised by name, as InvalidInput."""
+class NamedObserver:
+    """An observer of a user's; ``fault`` is what it raised, by name, and ends it."""
 
     def __init__(self, observe: Observer) -> None:
         self._observe = observe
+        self.fault: InvalidInput | None = None
 
     @property
     def is_due(self) -> bool:
         """Whether it would say something now."""
-        return bool(getattr(self._observe, "is_due", True))
+        return self.fault is None and bool(attribute_of(self._observe, "is_due", True))
 
     def __call__(self, progress: RunProgress) -> object:
-        """Let it look on."""
-        with user_function("observe", InvalidInput):
-            return self._observe(progress)
+        """Let it look on; if it raises, ask the verb to stop."""
+        if self.fault is not None:
+            return None
+        try:
+            with user_function("observe", InvalidInput):
+                return self._observe(progress)
+        except InvalidInput as fault:
+            self.fault, STOP[0] = fault, STOP[0] or SIGUSR1
+            return None
 
 
 @contextmanager

@@ -124,7 +124,7 @@ def resolve(
     ) as session:
         motion = resolve_recorded(resolution, session)
         provenance = {**session.provenance, **motion_ending(motion, session.seconds)}
-        session.keep(lambda folder: save_resolution(motion, provenance, folder), status=provenance["status"])
+        session.keep(motion, lambda folder: save_resolution(motion, provenance, folder), status=provenance["status"])
         with session.reviewing():
             review_resolution(motion, resolution, session)
     return motion

@@ -28,7 +28,7 @@ from paretoik.journal import journalled
 from paretoik.review.recording.recorder import Recorder, Scene, SearchedFront
 from paretoik.review.recording.workcell import Workcell
 from paretoik.run_files import CHECKPOINT, JOURNAL, RECORDING, RUN, STOPPED, has_result, read_run, write_run
-from paretoik.stop_flag import STOP
+from paretoik.stop_flag import STOP, Interrupted
 from paretoik.user_functions import cause_of
 from paretoik.user_warnings import warn_user
 
@@ -57,6 +57,7 @@ class RunSession(VerbSession):
     room: ReservedSpace | None = None  # on the disk, for the result
     infeasible: InfeasibleFiles | None = None  # what comes nearest, where nothing is feasible
     finished: bool = False
+    result: object = None  # the final one, once it is kept
 
     @property
     def provenance(self) -> dict[str, Any]:
@@ -142,14 +143,14 @@ class RunSession(VerbSession):
 
     def finish(self, front: Front) -> None:
         """Save the final front."""
-        self.keep(lambda folder: front.save(folder, overwrite=True), status=front.provenance.get("status"))
+        self.keep(front, lambda folder: front.save(folder, overwrite=True), status=front.provenance.get("status"))
 
-    def keep(self, save: Callable[[Path], object], *, status: object) -> None:
-        """Let the final result be saved into the run's folder; a run that was not stopped has nothing to go on with.
+    def keep(self, result: object, save: Callable[[Path], object], *, status: object) -> None:
+        """Save the final result into the run's folder; keep the checkpoint only if the run was stopped.
 
         What a signal asked to stop has stopped by then: it does not hold for the pictures that follow.
         """
-        self.finished, STOP[0] = True, 0
+        self.result, self.finished, STOP[0] = result, True, 0
         if self.folder is not None:
             self.show(RunProgress(stage="saving"))
             self._leave_room()
@@ -157,9 +158,24 @@ class RunSession(VerbSession):
             if status not in STOPPED:
                 shutil.rmtree(self.folder / CHECKPOINT, ignore_errors=True)
 
+    def raise_observer_fault(self) -> None:
+        """Raise what the observer raised, if anything, with the result that was kept."""
+        fault = self.observer_fault
+        if fault is None:
+            return
+        if self.result is not None and fault.partial is None:
+            fault.partial = self.result
+            size = f", of {len(self.result)} points," if isinstance(self.result, Front) else ""
+            kind = "front" if isinstance(self.result, Front) else "result"
+            place = "the error's .partial" if self.folder is None else self.folder
+            fault.add_note(f"the {kind} found by then{size} is in {place}")
+        raise fault
+
     def fail(self, error: BaseException) -> None:
         """Save why the run failed, beside the draft of its front if there is one."""
-        failure = {"status": self.signal or type(error).__name__, "reason": str(error)}
+        notes = getattr(error, "__notes__", ()) if isinstance(error, Interrupted) else ()
+        reason = "; ".join([str(error), *notes])
+        failure = {"status": self.signal or type(error).__name__, "reason": reason}
         if self.folder is None or self.finished:
             return
         self._leave_room()
@@ -269,8 +285,10 @@ def run_session(
             stack.enter_context(journalled(folder / CHECKPOINT / JOURNAL))
         try:
             yield session
+            session.raise_observer_fault()
         except (Exception, KeyboardInterrupt) as error:  # Interrupted among them
-            session.fail(error)
+            session.fail(session.observer_fault or error)
+            session.raise_observer_fault()
             raise
         finally:
             if session.recorder is not None:

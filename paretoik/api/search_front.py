@@ -159,7 +159,11 @@ class FrontSearch:
             failure = infeasible_error(search)
             nearest = least_violating_end(search, failure)
             finish_infeasible(session, search, failure, nearest, SearchEnd(front=None, least_violating=nearest))
-            raise Interrupted if session.signal else failure
+            if session.signal is None:
+                raise failure
+            stop = Interrupted()
+            stop.add_note(f"by then there was {failure}")
+            raise stop
         return front
 
     def _front(self, session: RunSession, status: str) -> Front:

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from signal import SIGINT
 
 from paretoik.api.progress import Observer
-from paretoik.api.progress_display import open_observer
-from paretoik.errors import SolverFailed
+from paretoik.api.progress_display import NamedObserver, open_observer
+from paretoik.errors import InvalidInput, SolverFailed
 from paretoik.execution.blas_threads import single_blas_thread
 from paretoik.execution.interrupts import Interruption, interruptible
 from paretoik.execution.time_limit import TimeLimit, time_limit
@@ -33,8 +33,15 @@ class VerbSession:
 
     @property
     def signal(self) -> str | None:
-        """Name of the signal that came, if any."""
-        return None if self.interruption.signal is None else self.interruption.signal.name
+        """Name of the signal that came, "interrupted" if the observer raised, None otherwise."""
+        if self.interruption.signal is None:
+            return None if self.observer_fault is None else "interrupted"
+        return self.interruption.signal.name
+
+    @property
+    def observer_fault(self) -> InvalidInput | None:
+        """What the observer raised, if anything."""
+        return self.observe.fault if isinstance(self.observe, NamedObserver) else None
 
     @property
     def stopped_by(self) -> str | None:
@@ -78,8 +85,11 @@ def verb_session(
     with open_observer(observe, time_limit=time_limit) as observer, signals as interruption, single_blas_thread():
         try:
             yield VerbSession(observe=observer, interruption=interruption)
-        except Interrupted:
-            raise _exit_of(interruption) from None
+        except Interrupted as stop:
+            end = _exit_of(interruption)
+            for note in getattr(stop, "__notes__", ()):
+                end.add_note(note)
+            raise end from None
 
 
 def _exit_of(interruption: Interruption) -> BaseException:

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from paretoik.cli.console import JsonFlag, print_json
+from paretoik.cli.console import JsonFlag, print_json, print_text
 from paretoik.errors import InvalidInput
 from paretoik.tables import SCREEN, wrap_text
 
@@ -36,6 +36,6 @@ def check_robot(
     if as_json:
         print_json({"summary": report.summary, "warnings": report.warnings, "faults": report.faults})
     else:
-        print(wrap_text(report_text(report), get_terminal_size((SCREEN.width, SCREEN.lines)).columns))
+        print_text(wrap_text(report_text(report), get_terminal_size((SCREEN.width, SCREEN.lines)).columns))
     if report.faults:
         raise typer.Exit(InvalidInput.exit_code)

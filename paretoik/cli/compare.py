@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from paretoik.cli.console import JsonFlag, print_json, stdout_for_results
+from paretoik.cli.console import JsonFlag, print_json, print_text, stdout_for_results
 from paretoik.run_files import PICTURE_MARK, check_target
 
 
@@ -50,8 +50,8 @@ def compare(
         merge_entries = {} if merge is None else {"merged": {"out": merge, "points": len(merged), "left_out": left_out}}
         print_json({**comparison_entries(comparison), **merge_entries})
     else:
-        print(comparison)
+        print_text(comparison)
         if merge is not None:
-            print(f"\n{merge}: {len(merged)} points; its run.json says which run each comes from")
+            print_text(f"\n{merge}: {len(merged)} points; its run.json says which run each comes from")
             if left_out:
-                print(f"not every run has the same {' and '.join(left_out)}, so that the merged front has none")
+                print_text(f"not every run has the same {' and '.join(left_out)}, so that the merged front has none")

@@ -85,8 +85,13 @@ def finish_front(front: Front, out: Path, *, as_json: bool) -> NoReturn:
         resume = resume_command(out, front.provenance["status"])
         print_json({**front.provenance, **gaps, "out": out, "resume": resume, "front": entries(front)})
     else:
-        print(result_text(front, out))
+        print_text(result_text(front, out))
     raise typer.Exit(exit_code(front.provenance["status"]))
+
+
+def print_text(text: object) -> None:
+    """Print a result on stdout, in whose lines nothing steers a terminal: names may come from a file."""
+    print("\n".join(map(_plain, str(text).split("\n"))))
 
 
 def print_message(kind: str, style: str, text: str) -> None:
@@ -111,5 +116,8 @@ def has_agreed(question: str) -> bool:
 
 def _one_line(text: str) -> str:
     """Return text as a line in which nothing steers a terminal."""
-    line = " ".join(filter(None, map(str.strip, text.splitlines())))
+    return _plain(" ".join(filter(None, map(str.strip, text.splitlines()))))
+
+
+def _plain(line: str) -> str:
     return "".join(each if each.isprintable() else each.encode("unicode_escape").decode() for each in line)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from paretoik.cli.console import JsonFlag, RunFolder, print_json, stdout_for_results
+from paretoik.cli.console import JsonFlag, RunFolder, print_json, print_text, stdout_for_results
 from paretoik.cli.options import RunProblem, agreed_problem
 from paretoik.errors import InvalidInput
 
@@ -86,7 +86,7 @@ def export(
             {**trajectory.metadata, "out": place, "samples": len(trajectory.time), "seconds": trajectory.time[-1]}
         )
     else:
-        print(_text(trajectory, place, which=which if point is None else ""))
+        print_text(_text(trajectory, place, which=which if point is None else ""))
 
 
 def _point(run: Path, point: int | None, problem: str | None) -> tuple[int, Choice, dict[str, Any], str]:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from paretoik.cli.console import JsonFlag, print_json, print_message, stdout_for_results
+from paretoik.cli.console import JsonFlag, print_json, print_message, print_text, stdout_for_results
 from paretoik.errors import InvalidInput, ParetoikError
 from paretoik.tables import columns
 
@@ -35,7 +35,7 @@ def list_problems(
     if as_json:
         print_json([{"problem": name, "about": about} for name, about in rows])
     else:
-        print(columns(rows))
+        print_text(columns(rows))
     for place, names in silent.items():
         if not names:
             continue

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from paretoik.api.result_text import choice_text, entries
-from paretoik.cli.console import JsonFlag, RunFolder, print_json, stdout_for_results
+from paretoik.cli.console import JsonFlag, RunFolder, print_json, print_text, stdout_for_results
 from paretoik.cli.options import RunProblem, agreed_problem
 from paretoik.front.front import Front
 from paretoik.front.provenance import NAVIGATIONS
@@ -60,11 +60,11 @@ def navigate(
         print_json({**entries(front)[choice.index], **front.provenance[NAVIGATIONS][-1], "out": place})
     else:
         if point is None:
-            print(f"from the present choice, point {start}:")
-        print(choice_text(front, choice))
-        print(f"kept in {place}{_why_beside(front, run) if out is None and place != run else ''}")
+            print_text(f"from the present choice, point {start}:")
+        print_text(choice_text(front, choice))
+        print_text(f"kept in {place}{_why_beside(front, run) if out is None and place != run else ''}")
         named = problem_words(front.provenance.get("problem"))
-        print(f"export:  {shell_command('paretoik', 'export', place, '--point', str(choice.id), *named)}")
+        print_text(f"export:  {shell_command('paretoik', 'export', place, '--point', str(choice.id), *named)}")
 
 
 def _why_beside(front: Front, run: Path) -> str:

@@ -9,7 +9,15 @@ import typer
 
 from paretoik.api.progress_display import open_observer
 from paretoik.api.run_text import optima_entries, plan_text, resume_command
-from paretoik.cli.console import JsonFlag, QuietFlag, exit_code, print_json, says_how_to_go_on, stdout_for_results
+from paretoik.cli.console import (
+    JsonFlag,
+    QuietFlag,
+    exit_code,
+    print_json,
+    print_text,
+    says_how_to_go_on,
+    stdout_for_results,
+)
 from paretoik.cli.options import (
     ClusterAddress,
     OutFolder,
@@ -72,5 +80,5 @@ def finish_plan(plan: Plan, name: str, unit: str, out: Path, *, as_json: bool) -
         resume = resume_command(out, plan.provenance["status"])
         print_json({**plan.provenance, "out": out, "resume": resume, "optima": optima_entries(plan)})
     else:
-        print(plan_text(plan, name, unit, out))
+        print_text(plan_text(plan, name, unit, out))
     raise typer.Exit(exit_code(plan.provenance["status"]))

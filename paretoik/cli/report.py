@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from paretoik.cli.console import JsonFlag, RunFolder, print_json, stdout_for_results
+from paretoik.cli.console import JsonFlag, RunFolder, print_json, print_text, stdout_for_results
 from paretoik.cli.options import RunProblem, agreed_problem
 
 
@@ -28,4 +28,4 @@ def report(
     if as_json:
         print_json({"out": file})
     else:
-        print(file)
+        print_text(file)

@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from paretoik.api.progress_display import open_observer
-from paretoik.cli.console import JsonFlag, QuietFlag, RunFolder, exit_code, print_json, stdout_for_results
+from paretoik.cli.console import JsonFlag, QuietFlag, RunFolder, exit_code, print_json, print_text, stdout_for_results
 from paretoik.cli.options import RunProblem, agreed_problem
 from paretoik.errors import InvalidInput
 from paretoik.run_files import PICTURE_MARK, check_target
@@ -116,7 +116,7 @@ def select(
     if as_json:
         print_json(choice_entry(selected, choice))
     else:
-        print(choice_text(selected, choice))
+        print_text(choice_text(selected, choice))
     if selected is not front:
         raise typer.Exit(exit_code(selected.provenance["status"]))
 
@@ -139,4 +139,4 @@ def _show_history(run: Path, wishes: Mapping[str, object], *, undo: bool, proble
     if as_json:
         print_json(asdict(choices))
     else:
-        print(choices.text)
+        print_text(choices.text)

@@ -7,7 +7,15 @@ from dataclasses import asdict
 import typer
 
 from paretoik.api.progress_display import open_observer
-from paretoik.cli.console import NOT_VERIFIED, JsonFlag, QuietFlag, RunFolder, print_json, stdout_for_results
+from paretoik.cli.console import (
+    NOT_VERIFIED,
+    JsonFlag,
+    QuietFlag,
+    RunFolder,
+    print_json,
+    print_text,
+    stdout_for_results,
+)
 from paretoik.cli.options import RunProblem, agreed_problem
 
 
@@ -24,5 +32,5 @@ def verify(run: RunFolder, problem: RunProblem = None, quiet: QuietFlag = False,
         rows = [asdict(row) for row in verification.rows]
         print_json({"run": run, "passed": verification.passed, "rows": rows})
     else:
-        print(verification)
+        print_text(verification)
     raise typer.Exit(0 if verification.passed else NOT_VERIFIED)

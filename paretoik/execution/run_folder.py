@@ -12,7 +12,7 @@ from typing import BinaryIO
 from paretoik.errors import InvalidInput
 from paretoik.execution.former_run import PART, set_aside, settle
 from paretoik.file_replacement import SAVED, only_writer, refusal
-from paretoik.run_files import FORMER, RUN, has_result, is_run
+from paretoik.run_files import FORMER, RUN, has_result, is_run, was_cut_off
 from paretoik.user_warnings import warn_user
 
 LOCK = ".lock"
@@ -22,16 +22,16 @@ LOCK = ".lock"
 def claim_folder(folder: Path | str, *, overwrite: bool = False) -> Iterator[Path]:
     """Make `folder` if need be and lock it against every other writer while the body runs.
 
-    A folder that holds a run is accepted with `overwrite` only. That run's files, and nothing else, are removed once
-    the body ends, however it ends, with the result of a new run there; without one they are as they were. Of a process
-    that is killed meanwhile the next one that claims or locks the folder puts them back. The lock is the kernel's: it
-    ends with the process (and those forked from it), however that ends.
+    A folder that holds a run with a result, or one to resume, is accepted with `overwrite` only. The files of a run
+    there, and nothing else, are removed once the body ends, however it ends, with the result of a new run there;
+    without one they are as they were. If the process is killed meanwhile, the next one that claims or locks the folder
+    puts them back. The lock is the kernel's: it ends with the process (and those forked from it), however that ends.
 
     Raises
     ------
     InvalidInput
-        The folder cannot be made, holds something that is no run, holds a run while `overwrite` is false, or another
-        process is writing into it.
+        The folder cannot be made, holds something that is no run, holds a run with a result or one to resume while
+        `overwrite` is false, or another process is writing into it.
     """
     place = Path(folder)
     with _refusal(place):
@@ -50,7 +50,8 @@ def claim_folder(folder: Path | str, *, overwrite: bool = False) -> Iterator[Pat
 
 
 def _check_replaceable(place: Path, *, overwrite: bool) -> None:
-    if (place / RUN).exists() and not overwrite:
+    """Raise InvalidInput for a run with a result, or one that can be resumed, without permission to overwrite it."""
+    if not overwrite and (has_result(place) or was_cut_off(place)):
         raise InvalidInput(
             f"{place}: wanted a new folder or permission to overwrite (--overwrite), got one that holds a run"
         )

@@ -1,11 +1,15 @@
 """What fails late loses nothing that was found before it, with a folder and without one."""
 
+import signal
+
 import numpy as np
 import pytest
 
 import paretoik as pk
 from paretoik.errors import EvaluationFailed, InvalidInput
-from paretoik.run_files import RUN, read_run
+from paretoik.run_files import CHECKPOINT, RUN, read_run
+from tests.api.problems import tracking
+from tests.api.resumed_runs import loop
 from tests.search.problems import Parabolas
 
 SIZES = {"population": 12, "generations": 9, "seed": 1}
@@ -53,17 +57,97 @@ def test_without_a_folder_the_error_has_the_front():
     ]
 
 
-def test_an_observer_that_raises_ends_the_search_by_name_and_keeps_the_front(tmp_path):
+def quick(verb: str, folder, observe):
+    """Run a verb on a small problem."""
+    problem = tracking(pk.kinetic_energy) if verb == "plan" else tracking()
+    match verb:
+        case "solve":
+            return pk.solve(problem, **SIZES, refine=True, points=4, out=folder, observe=observe)
+        case "plan":
+            return pk.plan(problem, starts=4, out=folder, observe=observe)
+        case "epsilon_front":
+            return pk.epsilon_front(problem, points=3, starts=4, out=folder, observe=observe)
+        case "refine":
+            return pk.refine(pk.solve(problem, **SIZES, points=3), out=folder, observe=observe)
+        case _:
+            return pk.solve(loop(), out=folder, observe=observe)
+
+
+@pytest.mark.parametrize(
+    "verb",
+    ["loop", *(pytest.param(verb, marks=pytest.mark.slow) for verb in ("solve", "plan", "epsilon_front", "refine"))],
+)
+def test_an_observer_that_raises_in_any_stage_is_named_and_loses_nothing(verb, tmp_path):
+    stages = list[str]()
+    quick(verb, tmp_path / "whole", lambda progress: stages.append(progress.stage))
+    lasting = None
+    for number, stage in enumerate(dict.fromkeys(each for each in stages if each != "compiling")):
+        count = stages.count(stage)
+        for last in {1, count}:
+            seen = list[str]()
+
+            def watch(progress, stage=stage, last=last, seen=seen):
+                seen.append(progress.stage)
+                if seen.count(stage) == last:
+                    raise LookupError("no more")
+
+            folder = tmp_path / f"{number}-{last}"
+            with pytest.raises(InvalidInput, match="observe raised LookupError: no more") as failure:
+                quick(verb, folder, watch)
+            assert isinstance(failure.value.__cause__, LookupError)
+            kept = failure.value.partial
+            assert (kept is not None) == ("files" in read_run(folder / RUN))
+            if kept is not None:
+                lasting = stage
+                assert str(folder) in failure.value.__notes__[-1]
+            if stage == "saving":
+                assert kept.provenance["status"] == read_run(folder / RUN)["status"]
+                assert not (folder / CHECKPOINT).exists()  # it is whole
+    assert lasting == "recording" or lasting == "saving"
+
+
+def test_an_observer_that_raises_ends_the_search_and_keeps_the_front(tmp_path):
     def watch(progress):
         if progress.stage == "generation" and progress.done == 5:
             raise LookupError("no more")
 
     with pytest.raises(InvalidInput, match="observe raised LookupError: no more") as failure:
         pk.solve(Parabolas(), **SIZES, out=tmp_path / "run", observe=watch)
-    assert isinstance(failure.value.__cause__, LookupError)
     stored = pk.load_front(tmp_path / "run")
     assert stored.provenance["counts"]["generations"] == 5
+    assert stored.provenance["status"] == "interrupted"
+    assert len(failure.value.partial) == len(stored)
     assert failure.value.__notes__ == [f"the front found by then, of {len(stored)} points, is in {tmp_path / 'run'}"]
+    resumed = pk.resume(tmp_path / "run", Parabolas())
+    assert np.array_equal(resumed.objectives, pk.solve(Parabolas(), **SIZES).objectives)
+
+
+def test_a_signal_during_a_hopeless_search_keeps_the_diagnosis(tmp_path):
+    def watch(progress):
+        if progress.stage == "generation" and progress.done == 2:
+            signal.raise_signal(signal.SIGTERM)
+
+    with pytest.raises(SystemExit) as stopped:
+        pk.solve(tracking(velocity=1e-3), **SIZES, out=tmp_path / "run", observe=watch)
+    run = read_run(tmp_path / "run" / RUN)
+    (note,) = stopped.value.__notes__
+    assert "by then there was no motion within the limits" in note
+    assert "velocity" in note
+    assert note in run["reason"]
+    assert run["status"] == "SIGTERM"
+    assert any("velocity" in words for words in run["least_violating"]["broken"])
+    assert "velocity" in pk.report(tmp_path / "run").read_text()
+
+
+def test_a_failed_runs_folder_can_be_used_again_and_one_with_a_result_cannot(tmp_path):
+    for problem, failure in ((tracking(velocity=1e-3), pk.Infeasible), (Ageing(leave, calls=0), EvaluationFailed)):
+        for _ in range(2):
+            with pytest.raises(failure):
+                pk.solve(problem, **SIZES, out=tmp_path / "run")
+    front = pk.solve(Parabolas(), **SIZES, out=tmp_path / "run")
+    with pytest.raises(InvalidInput, match="--overwrite"):
+        pk.solve(Parabolas(), **SIZES, out=tmp_path / "run")
+    assert np.array_equal(pk.load_front(tmp_path / "run").objectives, front.objectives)
 
 
 def test_an_evaluation_that_calls_sys_exit_fails_and_the_search_goes_on():

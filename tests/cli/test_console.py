@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import os
 import shlex
+import shutil
 import subprocess
 import sys
 
@@ -53,3 +54,11 @@ def test_what_a_users_file_and_its_programs_print_goes_to_stderr(tmp_path):
 def test_a_closed_stdout_is_no_fault(tmp_path):
     ended = listed(tmp_path, ">&-")[1]
     assert (ended.returncode, "Traceback" in ended.stderr) == (0, False)
+
+
+def test_names_of_folders_and_files_steer_no_terminal(paretoik, finished, tmp_path):
+    run = shutil.copytree(finished, tmp_path / "\x1b[2J\x07run")
+    for words in (("report", run), ("compare", run, finished), ("verify", run), ("export", run, "--point", 0)):
+        ended = paretoik(*words)
+        assert ended.out
+        assert all(line.isprintable() for line in (ended.out + ended.err).splitlines()), words

@@ -63,9 +63,9 @@ class Objects:
         """The folder of a search that was stopped after its first generation."""
 
         def stop(_: object) -> None:
-            raise KeyboardInterrupt
+            raise RuntimeError("stop")
 
-        with suppress(KeyboardInterrupt):
+        with suppress(pk.InvalidInput):
             pk.solve(self.problem, population=8, generations=2, out=self.folder / "stopped", observe=stop)
         return self.folder / "stopped"
 
