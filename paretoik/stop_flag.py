@@ -16,10 +16,13 @@ watched = False  # whether a signal sets it at once, while compiled code runs in
 
 
 class Interrupted(KeyboardInterrupt):
-    """A signal came. ``partial`` is what a solver had by then, if anything."""
+    """A signal came.
 
-    def __init__(self, partial: Any = None) -> None:
-        self.partial = partial
+    ``partial`` is what a solver had by then, if anything, ``reason`` which limits did not hold yet.
+    """
+
+    def __init__(self, partial: Any = None, reason: str = "") -> None:
+        self.partial, self.reason = partial, reason
         super().__init__("interrupted")
 
 

@@ -70,7 +70,7 @@ def infeasible_recorded(
     try:
         yield
     except Infeasible as failure:
-        nearest = _nearest_motion(problem, failure)
+        nearest = nearest_motion(problem, failure)
         finish_infeasible(session, problem, failure, nearest, end(nearest))
         raise
 
@@ -84,7 +84,7 @@ def finish_infeasible(
         session.finish_recording(end)
 
 
-def _nearest_motion(problem: Any, failure: Infeasible) -> LeastViolating:
+def nearest_motion(problem: Any, failure: Infeasible) -> LeastViolating:
     """Return what a recording shows of the motion that an error has."""
     task, motion = task_of(problem), failure.motion
     if task is None or not isinstance(motion, Motion):

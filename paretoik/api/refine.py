@@ -25,7 +25,7 @@ from paretoik.execution.executor import check_workers
 from paretoik.execution.run_folder import check_other_folder
 from paretoik.execution.time_limit import check_time_limit
 from paretoik.fingerprint.fingerprint import check_fingerprint
-from paretoik.formulations.protocol import Differentiable
+from paretoik.formulations.protocol import Differentiable, require_feasible
 from paretoik.formulations.requirements import require_program
 from paretoik.front.front import Front
 from paretoik.front.indicators import ranges_of
@@ -38,6 +38,7 @@ from paretoik.pareto.improver import OPTIONS as IMPROVER
 from paretoik.pareto.improver import suggest_points
 from paretoik.pareto.refine import refine as refine_points
 from paretoik.pareto.scalarisation import Observe
+from paretoik.pareto.warm_start import OPTIONS as WARM_STARTS
 from paretoik.pareto.warm_start import evaluate_points
 from paretoik.search.ask_tell import Search
 from paretoik.search.endings import Progress
@@ -176,6 +177,8 @@ def refine_front(
     with verb_session(observe) as session:
         x = formulation.front_points(front)
         check_solver(formulation.program(ranges), solver)
+        if len(x) and not (evaluate_points(formulation.program(ranges), x).violation <= WARM_STARTS.violation).any():
+            require_feasible(problem)
         later = 0.0 if session.observe is None else seconds_per_certificate(formulation, x, ranges)
         then = "" if complete is None else "optimum"
         count = partial(_count_round, session.observe, problem, later, then)

@@ -11,17 +11,23 @@ import numpy as np
 from paretoik.api.completion import complete_front
 from paretoik.api.generation_motions import GenerationMotions
 from paretoik.api.initial import InitialSolutions, merge_front
-from paretoik.api.least_violating import finish_infeasible, infeasible_error, least_violating, least_violating_end
+from paretoik.api.least_violating import (
+    finish_infeasible,
+    infeasible_error,
+    least_violating,
+    least_violating_end,
+    nearest_motion,
+)
 from paretoik.api.progress import RunProgress
 from paretoik.api.refine import SearchImprover
 from paretoik.api.review_front import review_front
 from paretoik.api.run_session import RunSession
 from paretoik.api.settings import DEFAULTS, SolveSettings
 from paretoik.compilation_notices import computing_clock
-from paretoik.errors import InvalidInput
+from paretoik.errors import Infeasible, InvalidInput
 from paretoik.execution.time_limit import check_time_limit
 from paretoik.formulations.closed_loop_arguments import read_steps
-from paretoik.formulations.protocol import has_branches
+from paretoik.formulations.protocol import has_branches, require_feasible
 from paretoik.formulations.requirements import check_formulation, require_program
 from paretoik.front.front import Front
 from paretoik.front.hypervolume_curve import HypervolumeCurve
@@ -141,7 +147,8 @@ class FrontSearch:
             workcell=workcell_of(self.problem),
         )
         observe = partial(self._show, session)
-        endings = [*self.endings, _Signal(session)]
+        hopeless = _Hopeless(self.problem)
+        endings = [*self.endings, _Signal(session), *([hopeless] if self._initial.genes is None else [])]
         try:
             status = evolve(
                 search,
@@ -156,8 +163,12 @@ class FrontSearch:
             raise
         front = self._front(session, session.signal or status)
         if not len(front):
-            failure = infeasible_error(search)
-            nearest = least_violating_end(search, failure)
+            if hopeless.failure is None:
+                failure = infeasible_error(search)
+                nearest = least_violating_end(search, failure)
+            else:
+                failure = hopeless.failure
+                nearest = nearest_motion(self.problem, failure)
             finish_infeasible(session, search, failure, nearest, SearchEnd(front=None, least_violating=nearest))
             if session.signal is None:
                 raise failure
@@ -227,6 +238,28 @@ class _Signal:
     def reached(self, progress: Progress) -> str | None:
         """Return the name of the signal, if any."""
         return self.session.signal
+
+
+class _Hopeless:
+    """Ends a search after its first generation if nothing is feasible and limits clearly cannot hold: ``failure``."""
+
+    memory = 0
+
+    def __init__(self, problem: Any) -> None:
+        self.failure: Infeasible | None = None
+        self._problem, self._looked = problem, False
+
+    def reached(self, progress: Progress) -> str | None:
+        """Return "infeasible" if that is clear after the first generation."""
+        if self._looked or len(progress.front):
+            return None
+        self._looked = True
+        try:
+            require_feasible(self._problem)
+        except Infeasible as failure:
+            self.failure = failure
+            return "infeasible"
+        return None
 
 
 def _anchors(problem: Any, settings: SolveSettings, generations: int) -> int:

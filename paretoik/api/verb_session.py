@@ -63,11 +63,10 @@ class VerbSession:
         with time_limit(seconds) as self.limit:
             try:
                 yield
-            except Interrupted:
+            except Interrupted as stop:
                 if self.signal is None and self.limit.reached:
-                    raise SolverFailed(
-                        f"time_limit: nothing was found within {self._given()}; more are wanted"
-                    ) from None
+                    reason = stop.reason or "a longer one may help"
+                    raise SolverFailed(f"time_limit: nothing was found within {self._given()}; {reason}") from None
                 raise
 
 

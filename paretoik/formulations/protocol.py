@@ -24,6 +24,7 @@ all of ``Differentiable``                ``refine``, ``epsilon_front`` and certi
 ``navigate(front, request)``             ``front.navigate``, ``front.refine_around``: the front with the certified point
                                          that a ``NavigationRequest`` leads to; it takes all of ``Differentiable``
 ``predict(front, request)``              ``front.predict``: the ``Prediction`` of such a move; it takes the same
+``require_feasible()``                   refusals before a search: raises Infeasible if limits clearly cannot hold
 ``plan(...)``                            ``plan``: the distinct local optima of one objective
 ``sample_starts(count, rng)``            genes that searches and local solvers start from
 ``species(genes), n_species``            branches: mating within each, anchors for the ends of a front
@@ -160,6 +161,12 @@ def exceeded_between(problem: Any, individuals: Individuals) -> list[str]:
         "" if violation <= LIMIT_TOLERANCE else task.describe_between(individuals.motions[i : i + 1])
         for i, violation in enumerate(individuals.violation_between)
     ]
+
+
+def require_feasible(problem: Any) -> None:
+    """Raise Infeasible if it is clear that no motion keeps a problem's limits."""
+    if hasattr(problem, "require_feasible"):
+        problem.require_feasible()
 
 
 def has_branches(problem: Any) -> bool:

@@ -42,8 +42,8 @@ from paretoik.task.obstacles import Obstacle
 from paretoik.task.obstructed_path import warn_of_obstructed_path
 from paretoik.task.path import Path
 from paretoik.task.task import Task
-from paretoik.trajectory.infeasibility import explain_violation
-from paretoik.trajectory.level_progress import ObserveLevel
+from paretoik.trajectory.infeasibility import explain_violation, require_feasible
+from paretoik.trajectory.level_progress import ObserveLevel, explained_interruption
 from paretoik.trajectory.motion_cold_search import MotionColdSearch
 from paretoik.trajectory.plan import Plan, find_optima
 from paretoik.trajectory.program import MotionProgram
@@ -243,12 +243,19 @@ class Tracking(Formulation):
         """Return the label of each motion's branch."""
         return branch_labels(self.task.motion(x))
 
+    def require_feasible(self) -> None:
+        """Raise Infeasible, with the least-violating motion, if limits clearly cannot hold."""
+        require_feasible(self.task, self._rollouts)
+
     def cold_search(
         self, *, starts: int | None, seed: int, solver: Solver = "auto", observe: Observe | None = None
     ) -> MotionColdSearch:
         """Return how optima are found from nothing: each objective planned, starts refined level by level."""
-        examine_functions(self.task, self.task.motion(self._rollouts))
-        return MotionColdSearch(task=self.task, starts=starts, seed=seed, solver=solver, observe=observe)
+        with explained_interruption(self.task, self._rollouts, None):
+            examine_functions(self.task, self.task.motion(self._rollouts))
+        return MotionColdSearch(
+            task=self.task, rollouts=self._rollouts, starts=starts, seed=seed, solver=solver, observe=observe
+        )
 
     def plan(
         self,
@@ -260,9 +267,18 @@ class Tracking(Formulation):
         observe: ObserveLevel | None = None,
     ) -> Plan:
         """Return the distinct local optima of the one objective; raises as ``find_optima`` does."""
-        examine_functions(self.task, self.task.motion(self._rollouts))
         q = None if initial is None else positions_on_path(self.task, initial)
-        return find_optima(self.task, starts=starts, seed=seed, initial=q, solver=solver, observe=observe)
+        with explained_interruption(self.task, self._rollouts, observe) as show:
+            examine_functions(self.task, self.task.motion(self._rollouts))
+            return find_optima(
+                self.task,
+                starts=starts,
+                seed=seed,
+                initial=q,
+                solver=solver,
+                observe=show,
+                rollouts=self._rollouts,
+            )
 
     def sample_starts(self, count: int, rng: np.random.Generator) -> Genes:
         """Return genes of the ``count`` best roll-outs, as near as the spline comes to them."""

@@ -237,15 +237,23 @@ def _sqp_end(program: Program, start: tuple[np.ndarray, Goal, sqp.SqpOptions]) -
 
 
 def minimise_violation(
-    program: Program, x: Points, upper: Float[np.ndarray, " objectives"], options: InteriorPointOptions
+    program: Program,
+    x: Points,
+    upper: Float[np.ndarray, " objectives"],
+    options: Sequence[InteriorPointOptions],
 ) -> Solutions:
-    """Return the points that violate limits and bounds least, locally: nothing else is minimised.
+    """Return the points with the least violation of limits and bounds, locally.
 
-    Where their status says that they converged, they hold.
+    Nothing else is minimised: by the interior-point method the sum of the violations, by SQP the largest. ``options``
+    are the points' in turn. Points that converged violate nothing.
     """
-    bounds = np.tile(np.minimum(upper, program.upper), (len(x), 1))
     check_interruption()
-    return _finished(_sqp(program, x, np.zeros_like(bounds), np.eye(len(program.upper)), bounds, [options] * len(x)))
+    bounds = np.tile(np.minimum(upper, program.upper), (len(x), 1))
+    weights, identity = np.zeros_like(bounds), np.eye(len(program.upper))
+    each, kernel = [options[i % len(options)] for i in range(len(x))], program.kernel
+    if kernel is None:
+        return _finished(_sqp(program, x, weights, identity, bounds, each))
+    return _finished(_interior_point(program, kernel, program.project(x), weights, identity, bounds, each, None))
 
 
 def _finished(solutions: Solutions) -> Solutions:

@@ -12,10 +12,12 @@ from jaxtyping import Float
 from paretoik.errors import InvalidInput
 from paretoik.inputs import check_choice, check_flag, degrees_hint, finite_number, read_list, real_array, shown
 from paretoik.robot.arm import Arm, check_arm
+from paretoik.robot.kinematics import link_nodes
 from paretoik.robot.pose import Pose, matrix_to_quaternion, quaternion_to_matrix
 from paretoik.robot.scales import characteristic_length
 from paretoik.task.differences import Differences
-from paretoik.task.limits import Constraint, Limits
+from paretoik.task.distances import signed_distance
+from paretoik.task.limits import LIMIT_TOLERANCE, Constraint, Limits
 from paretoik.task.motion_arguments import check_link_radius, check_obstacles
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective, evaluate_function
@@ -96,6 +98,7 @@ def motion_task(
     )
     if task.start is not None:
         _check_start(task, task.start)
+    _check_immovable_links(task)
     if lacks_masses(arm):
         _check_functions_without_masses(task)
     return task
@@ -195,6 +198,29 @@ def _check_objectives_and_limits(
 def _check_obstacles(obstacles: Sequence[Obstacle], link_radius: float) -> None:
     check_obstacles(obstacles)
     check_link_radius(link_radius)
+
+
+def _check_immovable_links(task: MotionTask) -> None:
+    """Raise InvalidInput if an obstacle overlaps the base, or a link that no joint moves."""
+    if not task.obstacles:
+        return
+    lower, upper = task.arm.position_limits.T
+    lower = np.where(np.isfinite(lower), lower, 0.0)
+    upper = np.where(np.isfinite(upper), upper, lower + 1.0)
+    shares = (np.sin(np.arange(1.0, 4.0 * task.arm.dof + 1.0)).reshape(4, task.arm.dof) + 1) / 2
+    nodes = link_nodes(task.arm, lower + shares * (upper - lower))
+    still = np.linalg.norm(np.ptp(nodes, axis=0), axis=1) <= LIMIT_TOLERANCE * characteristic_length(task.arm)
+    smallest = min(task.min_clearance, 0.0) - LIMIT_TOLERANCE * task.clearance_range
+    for link in np.flatnonzero(still[:-1] & still[1:]).tolist():
+        for number, obstacle in enumerate(task.obstacles, start=1):
+            distance = float(signed_distance(obstacle, nodes[0, link], nodes[0, link + 1])) - task.link_radius
+            if distance < smallest:
+                part = f"link {link}, which no joint moves" if link else "the base, which does not move"
+                raise InvalidInput(
+                    f"obstacles: obstacle {number}, a {type(obstacle).__name__.lower()}, must be clear of {part}, got "
+                    f"one that reaches {-distance:.3g} m into it (links have a radius of {task.link_radius:g} m): no "
+                    "motion can keep clear of it"
+                )
 
 
 def _check_decorated(kind: str, members: Sequence[Objective] | Sequence[Constraint], required: type) -> None:

@@ -26,6 +26,22 @@ def warn_of_obstructed_path(task: MotionTask) -> None:
                 warn_user(message)
 
 
+def obstructed_sample(task: MotionTask, sample: int | None = None) -> int | None:
+    """Return a sample at which an obstacle is too near to the tool's path, the worst or the given one; None if none."""
+    worst, found = 0.0, None
+    for followed in task.tasks if task.obstacles else ():
+        if _fixes_tool(task, followed):
+            excess = task.min_clearance - _tool_distances(task, _tool_positions(task, followed)).min(axis=0)
+            excess = excess if sample is None else excess[[sample]]
+            if excess.max() > max(worst, LIMIT_TOLERANCE * task.clearance_range):
+                worst, found = float(excess.max()), int(np.argmax(excess)) if sample is None else sample
+    return found
+
+
+def _tool_distances(task: MotionTask, tool: Float[np.ndarray, "time 3"]) -> Float[np.ndarray, "obstacles time"]:
+    return np.stack([signed_distance(obstacle, tool, tool) for obstacle in task.obstacles]) - task.link_radius
+
+
 def _fixes_tool(task: MotionTask, followed: Task) -> bool:
     """Return whether a path says where the tool is, all of its position."""
     follows_tool = task.arm.frame(followed.frame).pose is task.arm.tool
@@ -41,7 +57,7 @@ def _tool_positions(task: MotionTask, followed: Task) -> Float[np.ndarray, "time
 
 def _obstruction(task: MotionTask, tool: Float[np.ndarray, "time 3"]) -> str:
     """Return which obstacle is nearest to the tool, at which sample, and how near links may be; "" if all are clear."""
-    distances = np.stack([signed_distance(obstacle, tool, tool) for obstacle in task.obstacles]) - task.link_radius
+    distances = _tool_distances(task, tool)
     obstacle, sample = np.unravel_index(int(np.argmin(distances)), distances.shape)
     distance = float(distances[obstacle, sample])
     if task.min_clearance - distance <= LIMIT_TOLERANCE * task.clearance_range:

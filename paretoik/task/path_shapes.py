@@ -8,20 +8,29 @@ from typing import cast
 
 import numpy as np
 from jaxtyping import Float
+from scipy.ndimage import maximum_filter1d
 
+from paretoik.arrays import Times
 from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
 from paretoik.inputs import ArrayLike, check_magnitude, finite_array, finite_number, positive_number
 from paretoik.robot.pose import Pose, check_pose, rotation_vector
-from paretoik.task.curves import CLOSURE_TOLERANCE, Circle, Line, TimedCurve, interpolate
+from paretoik.task.curves import CLOSURE_TOLERANCE, Circle, Line, SmoothCurve, TimedCurve, interpolate
 from paretoik.task.path import Path, check_instants, even_times, rotation_angles, sample_curve
+from paretoik.user_warnings import warn_user
 
 
 @dataclass(frozen=True, kw_only=True)
 class PathOptions:
-    """What no path goes beyond: turns of a circle."""
+    """What no path goes beyond, and what of taught points is a warning."""
 
-    most_turns: float = 1e6  # of which the position is exact to 1e-9 of the radius
+    most_turns: float = 1e6  # of a circle, whose position is then exact to 1e-9 of the radius
+    near: float = 0.01  # share of the distances around it, a smaller one of two points is a warning
+    around: int = 3  # distances before and after
+    turned: float = 1e-3  # rad: points with more between them are apart, however near
+    backwards: float = 0.01  # share of the median distance of points, a longer way backwards is a warning
+    overshoot: float = 0.25  # share of the shorter step at a corner of more than 90°: as far backwards is no warning
+    pieces: int = 32  # of the curve between two points
 
 
 OPTIONS = PathOptions()
@@ -159,7 +168,9 @@ def waypoints(
         raise InvalidInput(f"waypoints: must differ from one to the next, got the same for {first} and {first + 1}")
     knots = np.concatenate([[0.0], np.cumsum(lengths) / lengths.sum()])
     knots[-1] = 1.0
-    return sample_curve(TimedCurve(interpolate(knots, positions, quaternions), times[-1], timing), times)
+    curve = interpolate(knots, positions, quaternions)
+    _warn_of_taught_points("waypoints: points", curve, knots, positions, quaternions)
+    return sample_curve(TimedCurve(curve, times[-1], timing), times)
 
 
 @check_call
@@ -184,7 +195,49 @@ def poses(times: ArrayLike, poses: Sequence[Pose] | Pose | ArrayLike) -> Path:
     if len(instants) != len(positions):
         raise InvalidInput(f"poses: must be one for each time, got {len(positions)} for {len(instants)} times")
     check_instants(instants)
-    return sample_curve(interpolate(instants, positions, quaternions), instants)
+    curve = interpolate(instants, positions, quaternions)
+    _warn_of_taught_points("poses: samples", curve, instants, positions, quaternions)
+    return sample_curve(curve, instants)
+
+
+def _warn_of_taught_points(
+    name: str,
+    curve: SmoothCurve,
+    knots: Times,
+    positions: Float[np.ndarray, "points axes"],
+    quaternions: Float[np.ndarray, "points 4"] | None,
+) -> None:
+    """Warn of points that are far nearer to each other than those around them, and of a curve that runs backwards.
+
+    Backwards is against the step from one point to the next; if there is no step, any way away from the point is.
+    """
+    steps = np.diff(positions, axis=0)
+    lengths = np.linalg.norm(steps, axis=1)
+    around = maximum_filter1d(lengths, 2 * OPTIONS.around + 1, mode="nearest")
+    near = (lengths < OPTIONS.near * around) & (lengths > CLOSURE_TOLERANCE * np.linalg.norm(positions, axis=1).max())
+    if quaternions is not None:
+        near &= rotation_angles(quaternions) < OPTIONS.turned
+    if near.any():
+        k = int(np.argmin(np.where(near, lengths / np.maximum(around, 1e-300), np.inf)))
+        warn_user(
+            f"{name} {k} and {k + 1} are only {lengths[k]:.3g} m apart, those around them {around[k]:.3g} m: taught "
+            "twice, perhaps; leave one of them out"
+        )
+    places = knots[:-1, None] + np.diff(knots)[:, None] * np.linspace(0.0, 1.0, OPTIONS.pieces + 1)
+    away = curve(places.ravel())[0].reshape(*places.shape, -1) - positions[:-1, None]
+    unit = steps / np.where(lengths > 0, lengths, 1.0)[:, None]
+    progress = np.where(lengths[:, None] > 0, np.einsum("kpa,ka->kp", away, unit), -np.linalg.norm(away, axis=2))
+    backwards = (np.maximum.accumulate(progress, axis=1) - progress).max(axis=1)
+    sharp = np.pad((steps[1:] * steps[:-1]).sum(axis=1) < 0, 1)  # corners that any smooth curve overshoots
+    shorter = np.pad(np.minimum(lengths[1:], lengths[:-1]), 1)
+    overshoot = OPTIONS.overshoot * np.where(sharp, shorter, 0.0)
+    excess = backwards - np.maximum(overshoot[:-1], overshoot[1:])
+    k = int(np.argmax(excess))
+    if excess[k] > OPTIONS.backwards * np.median(lengths):
+        warn_user(
+            f"{name} {k} and {k + 1}: the curve runs {backwards[k]:.3g} m backwards between them; more points there "
+            "help, or times that fit the distances"
+        )
 
 
 def _point(name: str, value: ArrayLike) -> np.ndarray:

@@ -2,30 +2,55 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
+from jaxtyping import Float
 
-from paretoik.errors import Infeasible
+from paretoik.arrays import JointPaths
+from paretoik.errors import Infeasible, InvalidInput
+from paretoik.nlp.minimise import minimise_violation
+from paretoik.nlp.solutions import Solutions
+from paretoik.robot.dynamics import gravity_torques
 from paretoik.robot.kinematics import link_nodes
+from paretoik.robot.scales import joint_scales
 from paretoik.self_motion.start_postures import sample_postures
-from paretoik.task.distances import clearance
+from paretoik.stop_flag import check_interruption
+from paretoik.task.distances import clearance, closest_pair, signed_distance
+from paretoik.task.evaluation import evaluate_motions
+from paretoik.task.limits import LIMIT_TOLERANCE, Bounds
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
+from paretoik.task.obstructed_path import obstructed_sample
+from paretoik.task.retraction import ON_PATH_TOLERANCE, retract_nearest, task_errors
+from paretoik.trajectory.level_progress import LevelProgress, ObserveLevel
+from paretoik.trajectory.levels import OPTIONS as LEVELS
+from paretoik.trajectory.levels import coarsest_level, distinct_rows, first_levels, resample
+from paretoik.trajectory.plan_starts import sample_travelling, squared_velocity
+from paretoik.trajectory.program import MotionProgram
+from paretoik.trajectory.transcription import motion_program
 
 
 @dataclass(frozen=True, kw_only=True)
 class InfeasibilityOptions:
-    """When it is clear that limits cannot all hold.
+    """When it is clear that limits cannot all hold."""
 
-    ``clear`` is the violation [share of a range] of rates and torques that is left on a coarse level and that no finer
-    one mends. Positions and clearance are looked at in so many ``postures`` of the
-    worst sample: it is clear where all of them violate one by more than ``clear_posture``.
-    """
-
-    clear: float = 0.1
-    postures: int = 256
-    clear_posture: float = 0.02
+    doubt: float = 1e-3  # share of a range: a smaller violation is left to the search
+    clear: float = 0.1  # share of a range: a violation of rates and torques that no finer level mends
+    starts: int = 24  # roll-outs, and as many motions that travel along the self-motion
+    finer: int = 8  # least-violating motions that are led on at a finer level, and as many new starts
+    halvings: int = 6  # of the interval in which the least violation of all limits is sought
+    postures: int = 256  # that are tried at a sample
+    improved: int = 32  # of these, the best, that are moved along the self-motion
+    moves: tuple[float, ...] = (0.3, 0.3, 0.1, 0.1, 0.03, 0.03, 0.01, 0.01)  # rad or arm lengths, standard deviations
+    samples: int = 3  # whose postures are tested, at most
+    apart: float = 0.1  # share of the duration that is between these
+    clear_posture: float = 0.02  # share of a range that every posture violates
+    boxes: int = 10_000  # of joint positions, at most, that a proof looks at
+    proofs: int = 3  # samples along the path at which low velocities are to be proved impossible
+    inner: int = 5  # samples from the ends of a spline, whose conditions are not seen from there on
 
 
 OPTIONS = InfeasibilityOptions()
@@ -40,70 +65,183 @@ REMEDIES = {  # by kind of limit: what may make room for a motion
 }
 
 
+def require_feasible(task: MotionTask, rollouts: JointPaths, observe: ObserveLevel | None = None) -> None:
+    """Raise Infeasible, with the least-violating motion, if limits clearly cannot hold.
+
+    First come the postures of the sample that ``rollouts``, motions on the path, leave in doubt. Then the violation of
+    limits is minimised from roll-outs and motions that travel along the self-motion on the coarsest level, and from
+    the best and new ones on finer levels. Problems are left to the search if a motion keeps the limits or nearly does,
+    or if a limited function has no value or no derivative, or is of the whole motion.
+
+    Raises Interrupted after a signal.
+    """
+    if not (_violations(task, rollouts) > OPTIONS.doubt).all():
+        return
+    levels = [coarsest_level(task, first) for first in first_levels(len(task.times))]
+    q = rollouts[: OPTIONS.starts, np.searchsorted(task.times, levels[0].times)]
+    sample = _sample_without_posture(task, rollouts[: 2 * OPTIONS.starts])
+    for level, finer in zip(levels, [*levels[1:], None], strict=True):
+        program = _limits_program(level)
+        if program is None:
+            return
+        if sample is not None:
+            raise infeasible_error(task, level, _least_violating(program, q[:1]), sample=sample)
+        rng = np.random.default_rng(len(level.times))
+        starts = np.concatenate([q, sample_travelling(level, len(q), rng)])
+        ends = _minimise_violation(program, starts)
+        violation = _violations(level, ends.x)
+        if not (violation > OPTIONS.doubt).all():
+            return
+        rows = distinct_rows(level, ends, violation, limit=OPTIONS.finer)
+        q = _least_violating(program, ends.x[rows])
+        if not _violations(level, q[:1])[0] > OPTIONS.doubt:
+            return
+        if observe is not None:
+            observe(
+                LevelProgress(
+                    task=level, starts=starts, ends=ends.x, converged=ends.converged, optima=q, feasible=False
+                )
+            )
+        if finer is None or is_clearly_infeasible(level, level.motion(q[0])):
+            break
+        try:
+            q = resample(level, q, finer)
+        except Infeasible:  # the least-violating ones leave the path between samples
+            q = rollouts[: OPTIONS.finer, np.searchsorted(task.times, finer.times)]
+    raise infeasible_error(task, level, q)
+
+
+def _violations(level: MotionTask, q: JointPaths) -> Float[np.ndarray, " motions"]:
+    """Return the worst violation of each motion, as a share of its range; NaN if a function has no value there."""
+    return np.asarray(evaluate_motions(level, level.motion(q))[1].max(axis=1, initial=0.0))
+
+
+def _limits_program(level: MotionTask) -> MotionProgram | None:
+    """Return the program of a task's limits; None if one has no derivative, or is of the whole motion."""
+    try:
+        program = motion_program(replace(level, objectives=(squared_velocity,)))
+    except InvalidInput:  # solvers say so by name; searches need no derivatives
+        return None
+    return None if program.unsupported else program
+
+
+def _minimise_violation(program: MotionProgram, q: JointPaths, share: float = 0.0) -> Solutions:
+    """Return where motions violate limits least, locally, if these are wider by a share of their ranges."""
+    limits = slice(program.elastic)
+    bounds = program.bounds.copy()
+    bounds[limits] -= share * program.sides[limits] * program.ranges[limits]
+    wider = replace(program, bounds=bounds)
+    return minimise_violation(wider, q, np.full(len(program.upper), np.inf), LEVELS.restoration)
+
+
+def _least_violating(program: MotionProgram, q: JointPaths) -> Float[np.ndarray, "more time dof"]:
+    """Return motions with one in front whose worst violation is the least: all limits are widened by the same share."""
+    q = q[np.argsort(_violations(program.task, q))]
+    low, high = 0.0, float(_violations(program.task, q[:1])[0])
+    for _ in range(OPTIONS.halvings):
+        share = (low + high) / 2
+        ends = _minimise_violation(program, q[:2], share)
+        violation = _violations(program.task, ends.x)
+        best = int(np.argmin(violation))
+        if violation[best] < high:
+            q, high = np.concatenate([ends.x[best : best + 1], q]), float(violation[best])
+        low = share if violation[best] > share + OPTIONS.doubt else low
+        if high - low <= OPTIONS.doubt:
+            break
+    return q
+
+
 def is_clearly_infeasible(task: MotionTask, motion: Motion) -> bool:
     """Return whether a least-violating motion shows that no motion keeps all limits; it is no proof."""
     violations = task.violations(motion)
-    if not len(violations) or violations.max() <= 0:
-        return False
-    name = task.limit_names[int(np.argmax(violations))]
-    kind = name.partition(" of ")[0]
-    if kind not in ("position", "clearance"):
-        return kind in task.bounds and bool(violations.max() > OPTIONS.clear)
-    _, violation = _posture_violations(task, int(np.argmax(violations)), motion)
-    return len(violation) > 0 and bool(violation.min() > OPTIONS.clear_posture)
-
-
-def remedy_text(task: MotionTask, motion: Motion) -> str:
-    """Return what may help where a least-violating motion breaks a limit: "; it may help: ...", "" for a user's own.
-
-    It begins with how many postures were tried at the worst sample where none of them keeps the limit.
-    """
-    violations = task.violations(motion)
     if not len(violations) or not violations.max() > 0:
-        return ""
-    worst = int(np.argmax(violations))
-    kind = task.limit_names[worst].partition(" of ")[0]
-    if kind not in REMEDIES or (kind != "clearance" and kind not in task.bounds):
-        return ""
-    text = f"; it may help: {REMEDIES[kind]}"
+        return False
+    kind = _worst_kind(task, violations)
     if kind in ("position", "clearance"):
-        sample, violation = _posture_violations(task, worst, motion)
-        if len(violation) > 1 and violation.min() > 0:
-            return f"; none of {len(violation)} postures tried at sample {sample} keeps the limits{text}"
-    return text
+        _, violation = _best_postures(task, task.worst_sample(int(np.argmax(violations)), motion))
+        return bool(violation.min(initial=np.inf) > OPTIONS.clear_posture)
+    return kind != "" and bool(violations.max() > OPTIONS.clear)
 
 
 def explain_violation(task: MotionTask, motion: Motion) -> str:
-    """Return which limit a motion violates most, where, by how much, and what may help; "" where it keeps them all."""
+    """Return which limit a motion violates most, where, by how much, and what may help; "" if it keeps them all."""
     return task.describe_violation(motion) + remedy_text(task, motion)
 
 
 def infeasible_error(
-    task: MotionTask, level: MotionTask, motion: Motion, *, obstructed: bool, status: str
+    task: MotionTask, level: MotionTask, q: JointPaths, *, status: str = "", sample: int | None = None
 ) -> Infeasible:
-    """Return the error of limits that cannot all hold, of the least-violating motion on a level of a task.
+    """Return the error of limits that cannot all hold, of least-violating motions on a level of a task, best first.
 
-    ``obstructed`` says that there is a motion where obstacles are left out; ``status`` is how the solver ended. Samples
-    go by their numbers in the task.
+    ``status`` is how the solver ended, ``sample`` one where no posture keeps the limits, if that is known. Samples go
+    by their numbers in the task.
     """
+    motion = level.motion(q[0])
     violations = level.violations(motion)
     limit = level.limit_names[int(np.argmax(violations))] if level.limit_names else ""
     message = "no motion within the limits was found"
-    if obstructed and limit != "clearance":
-        message, limit = f"{message}, though there is one without the obstacles", "clearance"
+    if sample is None and limit != "clearance" and _is_obstructed(level, q):
+        place = level.worst_instant(level.limit_names.index("clearance"), motion)
+        pair = closest_pair(level.obstacles, motion.instants.links[place], level.link_radius)
+        message, limit = f"{message}, though there is one without the obstacles (closest: {pair})", "clearance"
     numbers, full = np.searchsorted(task.times, level.times), _at_samples(task, motion)
+    proved = _proof_text(task, full, sample)
+    if proved:
+        message = "no motion can keep the limits"
     return Infeasible(
-        f"{message}; of the least-violating one, {level.describe_violation(motion, numbers) or status}"
-        + remedy_text(task, full),
+        f"{message}{proved}; of the least-violating one, {level.describe_violation(motion, numbers) or status}"
+        + remedy_text(task, full, sample),
         motion=full,
         limit=limit,
         violation=float(violations.max(initial=0.0)),
     )
 
 
-def without_obstacles(task: MotionTask) -> MotionTask:
-    """Return the task in empty space."""
-    return replace(task, obstacles=())
+def _is_obstructed(level: MotionTask, q: JointPaths) -> bool:
+    """Return whether motions lead to one within the limits if obstacles are left out."""
+    free = replace(level, obstacles=())
+    program = _limits_program(free) if level.obstacles else None
+    return program is not None and bool(_violations(free, _minimise_violation(program, q).x).min() <= OPTIONS.doubt)
+
+
+def _worst_kind(task: MotionTask, violations: np.ndarray) -> str:
+    """Return the kind of the limit that is violated most; "" for a user's own."""
+    kind = task.limit_names[int(np.argmax(violations))].partition(" of ")[0]
+    return kind if kind in task.bounds or (kind == "clearance" and task.obstacles) else ""
+
+
+def remedy_text(task: MotionTask, motion: Motion, sample: int | None = None) -> str:
+    """Return what may help if a least-violating motion breaks a limit: "; it may help: ...", "" for a user's own.
+
+    It begins with how many postures were tried at a sample, the worst if none is given, if none keeps the limits.
+    """
+    violations = task.violations(motion)
+    kind = _worst_kind(task, violations) if len(violations) and violations.max() > 0 else ""
+    if not kind:
+        return ""
+    if kind in ("torque", "power") and (weight := _weight_text(task, motion)):
+        return weight
+    text = f"; it may help: {REMEDIES[kind]}"
+    if kind in ("position", "clearance"):
+        worst = task.worst_sample(int(np.argmax(violations)), motion) if sample is None else sample
+        q, violation = _best_postures(task, worst)
+        if len(q) > 1 and violation.min() > 0:
+            return f"; none of {len(q)} postures tried at sample {worst} keeps the limits{text}"
+    return text
+
+
+def _proof_text(task: MotionTask, motion: Motion, sample: int | None) -> str:
+    """Return in words at which sample it is proved that no posture keeps the limits; "" if that is not proved."""
+    violations = task.violations(motion)
+    kind = _worst_kind(task, violations)
+    if kind not in ("position", "clearance", "velocity"):
+        return ""
+    samples = [task.worst_sample(int(np.argmax(violations)), motion) if sample is None else sample]
+    if kind == "velocity":  # the limits are often too low at other samples too, the fastest of the path first
+        pace = sum(np.linalg.norm(np.gradient(one.path.positions, task.times, axis=0), axis=1) for one in task.tasks)
+        samples += [int(np.argmax(pace)), *np.linspace(0, len(task.times) - 1, OPTIONS.proofs + 2).astype(int)[1:-1]]
+    proved = next((each for each in samples if no_posture_keeps_limits(task, each)), None)
+    return "" if proved is None else f" (proved: no posture at sample {proved}, {task.times[proved]:.3g} s, does)"
 
 
 def _at_samples(task: MotionTask, motion: Motion) -> Motion:
@@ -116,28 +254,65 @@ def _at_samples(task: MotionTask, motion: Motion) -> Motion:
         return motion
 
 
-def _postures(task: MotionTask, sample: int) -> np.ndarray:
-    """Return postures that reach a sample, joints that turn in the turn next to the middle of their limits."""
-    q = sample_postures(task, OPTIONS.postures, np.random.default_rng(0), sample=sample)
+def _sample_without_posture(task: MotionTask, rollouts: JointPaths) -> int | None:
+    """Return a sample none of whose postures keeps the limits on position and clearance, as far as found.
+
+    Samples are tried for which roll-outs have none, the worst first.
+    """
+    obstructed = obstructed_sample(task)
+    if obstructed is not None:
+        return obstructed
+    least = np.array([_posture_violation(task, k, rollouts[:, k]).min() for k in range(len(task.times))])
+    for _ in range(OPTIONS.samples):
+        worst = int(np.argmax(least))
+        if least[worst] <= OPTIONS.clear_posture:
+            break
+        if _best_postures(task, worst, others=rollouts[:, worst])[1].min() > OPTIONS.clear_posture:
+            return worst
+        least[np.abs(task.times - task.times[worst]) <= OPTIONS.apart * task.times[-1]] = 0.0
+    return None
+
+
+def _best_postures(
+    task: MotionTask,
+    sample: int,
+    measure: Callable[[MotionTask, int, np.ndarray], np.ndarray] | None = None,
+    others: Float[np.ndarray, "postures dof"] | None = None,
+) -> tuple[Float[np.ndarray, "tried dof"], Float[np.ndarray, " tried"]]:
+    """Return postures that reach a sample and what they violate of limits on position and clearance, or ``measure``.
+
+    Random ones and ``others``; then the best, moved along the self-motion to lesser violations.
+    """
+    value_of, rng = partial(measure or _posture_violation, task, sample), np.random.default_rng(0)
+    if task.start is not None and sample == 0:
+        return task.start[None], value_of(task.start[None])
+    q = _nearest_turns(task, sample_postures(task, OPTIONS.postures, rng, sample=sample))
+    q = q if others is None else np.concatenate([q, others])
+    value = value_of(q)
+    best = np.argsort(value, kind="stable")[: OPTIONS.improved]
+    x, least = q[best], value[best]
+    for size in OPTIONS.moves if len(x) else ():
+        move = size * rng.normal(size=x.shape) * joint_scales(task.arm)
+        moved = retract_nearest(task.arm, task.tasks, x + move, task.targets[sample])
+        trial = np.where(moved.on_path, value_of(moved.q), np.inf)
+        better = trial < least
+        x[better], least[better] = moved.q[better], trial[better]
+    return np.concatenate([q, x]), np.concatenate([value, least])
+
+
+def _nearest_turns(task: MotionTask, q: Float[np.ndarray, "postures dof"]) -> Float[np.ndarray, "postures dof"]:
+    """Return postures whose turning joints are in the turn next to the middle of their limits."""
     limits = task.arm.position_limits
     middle = np.where(np.isfinite(limits).all(axis=1, keepdims=True), limits, 0.0).mean(axis=1)
     turns = np.where(task.arm.periodic, np.round((q - middle) / (2 * np.pi)), 0.0)
     return np.asarray(q - 2 * np.pi * turns)
 
 
-def _posture_violations(task: MotionTask, limit: int, motion: Motion) -> tuple[int, np.ndarray]:
-    """Return the sample where a motion violates a limit most, and what postures (postures,) that reach it violate."""
-    sample = task.worst_sample(limit, motion)
-    q = motion.q[sample : sample + 1] if task.start is not None and sample == 0 else _postures(task, sample)
-    return sample, _posture_violation(task, sample, q)
-
-
 def _posture_violation(task: MotionTask, sample: int, q: np.ndarray) -> np.ndarray:
     """Return the worst violation (postures,) of position limits and of clearance, as shares of their ranges."""
     worst = np.zeros(len(q))
     if "position" in task.bounds:
-        bounds = task.bounds["position"]
-        here = bounds[min(sample, len(bounds) - 1)]
+        here = _at_sample(task.bounds["position"], sample)
         lower, upper = here.T
         ranges = task.limit_ranges("position", here)
         worst = np.maximum(worst, (np.maximum(q - upper, lower - q) / ranges).max(axis=1))
@@ -145,3 +320,187 @@ def _posture_violation(task: MotionTask, sample: int, q: np.ndarray) -> np.ndarr
         distance = clearance(task.obstacles, link_nodes(task.arm, q), task.link_radius)
         worst = np.maximum(worst, (task.min_clearance - distance) / task.clearance_range)
     return worst
+
+
+def _at_sample(bounds: Bounds, sample: int) -> Float[np.ndarray, "dof 2"]:
+    return bounds[min(sample, len(bounds) - 1)]
+
+
+def _overload(task: MotionTask, sample: int, q: np.ndarray) -> np.ndarray:
+    """Return the largest share (postures,) of a joint's torque limit that holds the arm at rest."""
+    lower, upper = _at_sample(task.bounds["torque"], sample).T
+    torque = gravity_torques(task.arm, q)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(
+            np.nan_to_num(np.where(torque > 0, torque / upper, torque / lower), posinf=np.inf).max(axis=1)
+        )
+
+
+def _weight_text(task: MotionTask, motion: Motion) -> str:
+    """Return in words that torque limits cannot hold the arm at rest at a sample; "" if some posture there can.
+
+    The sample is the one at which the motion's posture is the hardest to hold.
+    """
+    if "torque" not in task.bounds or not task.arm.gravity.any():
+        return ""
+    sample = int(np.argmax([_overload(task, k, motion.q[k][None])[0] for k in range(len(task.times))]))
+    q, load = _best_postures(task, sample, _overload)
+    if load.min(initial=np.inf) <= 1.0 or not len(q):
+        return ""
+    torque = gravity_torques(task.arm, q[int(np.argmin(load))])
+    limits = _at_sample(task.bounds["torque"], sample)[np.arange(task.arm.dof), (torque > 0).astype(int)]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        joint = int(np.nanargmax(torque / limits))
+    unit = "N m" if task.arm.periodic[joint] else "N"
+    return (
+        f"; gravity is too much to hold the arm at rest at sample {sample} ({task.times[sample]:.3g} s): in the best "
+        f"of {len(q)} postures tried {task.arm.joint_names[joint]} needs {abs(torque[joint]):.3g} {unit}, its limit is "
+        f"{abs(limits[joint]):.3g} {unit}; it may help: a smaller payload, a higher torque limit, another place of the "
+        "path"
+    )
+
+
+def no_posture_keeps_limits(task: MotionTask, sample: int) -> bool:
+    """Return whether it is proved that no posture that reaches a sample keeps the limits there.
+
+    These are the limits on position and clearance, and on velocity from the sample before to the sample after. Boxes
+    of joint positions are halved until each breaks one (branch and bound, Land & Doig 1960). In a box of half widths w
+    about c there may be such a posture only if, for any unit vector u, |∂²x/∂qᵢ∂qⱼ| ≤ Bᵢⱼ and links end at most Rᵢ
+    from joint i,
+
+        |u·e(c)| ≤ Σᵢ |u·Jᵢ(c)| wᵢ + ½ Σᵢⱼ Bᵢⱼ wᵢ wⱼ                    e: error of the task
+        d(c) + Σᵢ Rᵢ wᵢ ≥ the smallest clearance                      d: distance of a link
+        u·Δx ≤ Σᵢ (|u·Jᵢ(c)| + Σⱼ Bᵢⱼ wⱼ) sᵢ + ½ Σᵢⱼ Bᵢⱼ sᵢ sⱼ          Δx: from sample to sample, s: steps of joints
+
+    False if more than OPTIONS.boxes boxes are needed.
+    """
+    arm = task.arm
+    limits = _at_sample(task.bounds["position"], sample) if "position" in task.bounds else arm.position_limits
+    wide = arm.periodic & ~(np.diff(limits, axis=1)[:, 0] < 2 * np.pi)
+    limits = np.where(wide[:, None], [-np.pi, np.pi], limits)
+    if task.start is not None and sample == 0:
+        limits = np.stack([task.start, task.start], axis=1)
+    if obstructed_sample(task, sample) is not None:
+        return True
+    if not np.isfinite(limits).all():
+        return False
+    reach = _reaches(task, limits)
+    bend = _second_derivatives(arm.periodic, reach[:, -1])
+    steps = _steps(task, sample)
+    center, half = limits.mean(axis=1)[None], np.diff(limits, axis=1).T / 2 * (1 + 1e-6)
+    looked_at = 0
+    while len(center) and looked_at + len(center) <= OPTIONS.boxes:
+        check_interruption()
+        looked_at += len(center)
+        keep = _may_reach(task, sample, center, half, bend, steps)
+        if task.obstacles:
+            keep &= _may_be_clear(task, center, half, reach)
+        center, half = center[keep], half[keep]
+        rows, widest = np.arange(len(center)), np.argmax(half * reach[:, -1], axis=1)
+        half[rows, widest] /= 2
+        step = np.zeros_like(center)
+        step[rows, widest] = half[rows, widest]
+        center, half = np.concatenate([center - step, center + step]), np.concatenate([half, half])
+    return not len(center)
+
+
+def _reaches(task: MotionTask, limits: np.ndarray) -> Float[np.ndarray, "dof links"]:
+    """Return how far the end of each link, at most, is from the axis of each joint; 1 for joints that slide.
+
+    The last counts for the frames of tasks too. Links before a joint do not move with it: 0.
+    """
+    arm, frames = task.arm, [task.arm.frame(each.frame) for each in task.tasks]
+    slides = np.where(arm.periodic, 0.0, np.abs(limits).max(axis=1))
+    lengths = [float(np.linalg.norm(pose.position)) for pose in arm.placements] + slides
+    offsets = [float(np.linalg.norm(pose.position)) for pose in (arm.tool, *(frame.pose for frame in frames))]
+    ends = np.cumsum(np.append(lengths, max(offsets)))
+    reach = np.maximum(ends[None] - ends[:-1, None], 0.0)
+    moves = np.arange(arm.dof + 1)[None] > np.arange(arm.dof)[:, None] - ~arm.periodic[:, None]
+    return np.where(moves, np.where(arm.periodic[:, None], reach, 1.0), 0.0)
+
+
+def _second_derivatives(turns: np.ndarray, reach: np.ndarray) -> Float[np.ndarray, "dof dof"]:
+    """Return bounds on |∂²x/∂qᵢ∂qⱼ| of points at most ``reach`` from the axes of joints, which turn or slide."""
+    first, last = np.minimum.outer(*[np.arange(len(turns))] * 2), np.maximum.outer(*[np.arange(len(turns))] * 2)
+    return np.where(turns[first], np.where(turns[last], reach[last], 1.0), 0.0)
+
+
+def _steps(task: MotionTask, sample: int) -> list[tuple[int, Float[np.ndarray, " dof"]]]:
+    """Return the samples before and after one, and how far joints can go between, as velocities are limited.
+
+    Steps of a spline's samples are averages of those of its control points, which are limited; of uneven times, near
+    ends and of central differences nothing is known.
+    """
+    if "velocity" not in task.bounds or task.differences == "central":
+        return []
+    times, count = task.times, len(task.times)
+    even = np.allclose(np.diff(times), times[1], rtol=1e-9)
+    if task.differences == "spline" and not (even and OPTIONS.inner <= sample < count - OPTIONS.inner):
+        return []
+    steps = []
+    for other in (sample - 1, sample + 1):
+        if 0 <= other < count:
+            fastest = np.abs(task.bounds["velocity"]).max(axis=(0, 2))
+            steps.append((other, fastest * abs(times[other] - times[sample]) * (1 + OPTIONS.doubt)))
+    return steps
+
+
+def _may_reach(
+    task: MotionTask,
+    sample: int,
+    center: np.ndarray,
+    half: np.ndarray,
+    bend: np.ndarray,
+    steps: Sequence[tuple[int, np.ndarray]],
+) -> np.ndarray:
+    """Return which boxes may reach a sample, and from there the samples before and after by ``steps``."""
+    error, jacobian = task_errors(task.arm, task.tasks, center, task.targets[sample])
+    rest, blur = np.einsum("bi,ij,bj->b", half, bend, half) / 2, half @ bend
+    turning = (half * task.arm.periodic).sum(axis=1)
+    keep, row, column = np.ones(len(center), dtype=bool), 0, 0
+    for one in task.tasks:
+        size = one.position_rows
+        position, rotation = slice(row, row + size), slice(row + size, row + one.rows)
+        length = np.linalg.norm(error[:, position], axis=1)
+        along = np.einsum("br,brd->bd", error[:, position] / np.maximum(length, 1e-300)[:, None], jacobian[:, position])
+        keep &= length <= (np.abs(along) * half).sum(axis=1) + rest + ON_PATH_TOLERANCE
+        keep &= np.linalg.norm(error[:, rotation], axis=1) <= turning + ON_PATH_TOLERANCE
+        for other, step in steps:
+            if not np.isfinite(step).all():
+                continue
+            path = (task.targets[other] - task.targets[sample])[column : column + size]
+            for u in _directions(path, jacobian[:, position]):
+                most = ((np.abs(np.einsum("br,brd->bd", u, jacobian[:, position])) + blur) * step).sum(axis=1)
+                keep &= u @ path <= most + step @ bend @ step / 2
+        row, column = row + one.rows, column + one.target_size
+    return keep
+
+
+def _directions(path: np.ndarray, jacobian: np.ndarray) -> list[Float[np.ndarray, "boxes axes"]]:
+    """Return unit vectors in which joints may move a tool too little along a path: along it, and across columns of J.
+
+    The velocities that joints can give it are a zonotope; its facets are across all but one of the axes' columns.
+    """
+    along = path / max(float(np.linalg.norm(path)), 1e-300)
+    candidates = [np.broadcast_to(along, jacobian.shape[:2])]
+    columns = np.moveaxis(jacobian, 2, 0)
+    if len(path) == 2:
+        candidates += [np.stack([-column[:, 1], column[:, 0]], axis=1) for column in columns]
+    else:
+        candidates += [np.cross(columns[i], columns[j]) for i in range(len(columns)) for j in range(i)]
+    lengths = [np.linalg.norm(u, axis=1, keepdims=True) for u in candidates]
+    unit = [
+        np.where(length > 1e-9, u / np.maximum(length, 1e-9), along)
+        for u, length in zip(candidates, lengths, strict=True)
+    ]
+    return [np.where((u @ path)[:, None] < 0, -u, u) for u in unit]
+
+
+def _may_be_clear(task: MotionTask, center: np.ndarray, half: np.ndarray, reach: np.ndarray) -> np.ndarray:
+    """Return which boxes may keep all links clear of all obstacles."""
+    nodes, motion = link_nodes(task.arm, center), half @ reach
+    smallest = task.min_clearance + task.link_radius - LIMIT_TOLERANCE * task.clearance_range
+    keep = np.ones(len(center), dtype=bool)
+    for obstacle in task.obstacles:
+        keep &= (signed_distance(obstacle, nodes[:, :-1], nodes[:, 1:]) + motion >= smallest).all(axis=1)
+    return keep

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
 from jaxtyping import Bool, Float
 
+from paretoik.arrays import JointPaths
+from paretoik.errors import ParetoikError
+from paretoik.stop_flag import Interrupted
 from paretoik.task.motion_task import MotionTask
 
 
@@ -36,9 +40,38 @@ class LevelProgress:
         """Say which limits the least-violating motion breaks, samples numbered as in a task; "" of a feasible one."""
         if self.feasible or not len(self.optima):
             return ""
-        numbers = np.searchsorted(task.times, self.task.times)
-        words = self.task.describe_violation(self.task.motion(self.optima[0]), numbers)
-        return words and f"no motion within the limits so far; of the least-violating one, {words}"
+        return _describe_violation(self.task, self.optima[0], np.searchsorted(task.times, self.task.times))
 
 
 ObserveLevel: TypeAlias = Callable[[LevelProgress], object]
+
+
+@contextmanager
+def explained_interruption(
+    task: MotionTask, rollouts: JointPaths, observe: ObserveLevel | None
+) -> Iterator[ObserveLevel]:
+    """Let a body search for optima: if a signal ends it, the exception says which limits did not hold yet.
+
+    The body gets what it has to call after each level, ``observe`` with it. Before any level is done, the first of
+    ``rollouts``, which violates limits least, counts.
+    """
+    seen = list[LevelProgress]()
+
+    def show(level: LevelProgress) -> None:
+        seen.append(level)
+        if observe is not None:
+            observe(level)
+
+    try:
+        yield show
+    except Interrupted as stop:
+        with suppress(ParetoikError):  # a user's constraint may fail there
+            stop.reason = seen[-1].describe_violation(task) if seen else _describe_violation(task, rollouts[0])
+        raise
+
+
+def _describe_violation(
+    task: MotionTask, q: Float[np.ndarray, "samples dof"], numbers: np.ndarray | None = None
+) -> str:
+    words = task.describe_violation(task.motion(q), numbers)
+    return words and f"no motion within the limits so far; of the least-violating one, {words}"

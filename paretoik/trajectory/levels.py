@@ -21,7 +21,6 @@ from paretoik.nlp.solutions import INTERRUPTED, Solutions, concatenate
 from paretoik.stop_flag import Interrupted
 from paretoik.task.evaluation import require_values
 from paretoik.task.motion_task import MotionTask
-from paretoik.trajectory.infeasibility import is_clearly_infeasible
 from paretoik.trajectory.level_progress import LevelProgress, ObserveLevel
 from paretoik.trajectory.program import MotionProgram, joint_distance
 from paretoik.trajectory.transcription import motion_program
@@ -42,14 +41,16 @@ class LevelOptions:
     disturbed: int = 101  # samples: on levels with more than that, the same optimum is the best
     max_optima: int = 32  # that are refined on a finer level: their order there is another
     restored: int = 8  # motions whose violation is minimised, and twice as many starts of the first level
-    first_restored: int = 1  # motions whose violation is minimised first: where limits clearly contradict, no others
     cold: tuple[InteriorPointOptions, ...] = (  # in turn: each finds basins that the other leaves
         InteriorPointOptions(barrier=0.1, radius=0.4, iterations=300),
         InteriorPointOptions(barrier=0.01, radius=0.1, iterations=300),
         InteriorPointOptions(barrier=1e-3, radius=0.05, iterations=300),
     )
     warm: InteriorPointOptions = InteriorPointOptions(barrier=1e-4, radius=0.02)
-    restoration: InteriorPointOptions = InteriorPointOptions(radius=0.1, iterations=40)  # of the violation alone
+    restoration: tuple[InteriorPointOptions, ...] = (  # in turn, when only the violation is minimised
+        InteriorPointOptions(barrier=0.1, radius=0.4, iterations=100),
+        InteriorPointOptions(barrier=0.01, radius=0.1, iterations=100),
+    )
     holding: InteriorPointOptions = InteriorPointOptions(barrier=1e-4, penalty=100.0, radius=0.02)  # limits, after it
 
 
@@ -145,7 +146,7 @@ def refine_levels(
         if restore and first and not solutions.converged.any():
             break
         if finer:
-            q, coarser = _resample(task, solutions.x, finer.task), (program, solutions)
+            q, coarser = resample(task, solutions.x, finer.task), (program, solutions)
     return solutions, tuple(levels)
 
 
@@ -194,7 +195,7 @@ def _unfinished(
         if program is last:
             return solutions[rows]
         with suppress(Infeasible):
-            x = _resample(program.task, solutions.x[rows], last.task)
+            x = resample(program.task, solutions.x[rows], last.task)
             ends = [last.evaluate(one) for one in x]
             F = np.array([objectives for objectives, _, _ in ends])
             violation = np.array([max(0.0, -float(c.min(initial=0.0))) for _, _, c in ends])
@@ -262,23 +263,14 @@ def _restore(
     if solutions.violation.max() <= OPTIONS.feasible:
         return solutions
     rows = distinct_rows(program.task, solutions, solutions.objectives @ weights, limit=OPTIONS.restored)
-    x = np.concatenate([solutions.x[rows], q])
-    attempts = list[Solutions]()
-    for part in (x[: OPTIONS.first_restored], x[OPTIONS.first_restored :]):
-        if not len(part):
-            break
-        attempts.append(minimise_violation(program, part, upper, OPTIONS.restoration))
-        restored = concatenate(attempts)
-        feasible = restored.violation <= OPTIONS.feasible
-        if feasible.any():
-            return minimise(program, restored.x[feasible], weights[None], upper[None], OPTIONS.holding, solver=solver)
-        best = int(np.argmin(restored.violation))
-        if is_clearly_infeasible(program.task, program.task.motion(restored.x[best])):
-            break
-    return restored
+    restored = minimise_violation(program, np.concatenate([solutions.x[rows], q]), upper, OPTIONS.restoration)
+    feasible = restored.violation <= OPTIONS.feasible
+    if not feasible.any():
+        return restored
+    return minimise(program, restored.x[feasible], weights[None], upper[None], OPTIONS.holding, solver=solver)
 
 
-def _resample(
+def resample(
     task: MotionTask, q: Float[np.ndarray, "motions samples dof"], finer: MotionTask
 ) -> Float[np.ndarray, "resampled time dof"]:
     """Return motions at the samples of a finer level, except those that leave the path between their own."""

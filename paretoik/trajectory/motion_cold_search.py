@@ -8,13 +8,14 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
+from paretoik.arrays import JointPaths
 from paretoik.errors import Infeasible
 from paretoik.nlp.program import Program, Solver
 from paretoik.nlp.solutions import Solutions
 from paretoik.pareto.epsilon_options import OPTIONS as EPSILON
 from paretoik.pareto.scalarisation import Observe
 from paretoik.task.motion_task import MotionTask
-from paretoik.trajectory.level_progress import LevelProgress
+from paretoik.trajectory.level_progress import LevelProgress, explained_interruption
 from paretoik.trajectory.levels import first_levels, level_programs, refine_levels
 from paretoik.trajectory.plan import find_optima
 from paretoik.trajectory.plan_starts import initial_motions
@@ -27,6 +28,7 @@ class MotionColdSearch:
     """Plans each objective alone; leads coarse starts below bounds, level by level; a ``ColdSearch``."""
 
     task: MotionTask
+    rollouts: JointPaths
     starts: int | None
     seed: int
     solver: Solver = "auto"
@@ -40,7 +42,10 @@ class MotionColdSearch:
     def optima(self, objective: int) -> Float[np.ndarray, "optima time dof"]:
         """Return the local optima of one objective alone, best first. Raises what ``find_optima`` does."""
         alone = replace(self.task, objectives=(self.task.objectives[objective],))
-        plan = find_optima(alone, starts=self.starts, seed=self.seed, solver=self.solver, observe=self._show)
+        with explained_interruption(alone, self.rollouts, self._show) as show:
+            plan = find_optima(
+                alone, starts=self.starts, seed=self.seed, solver=self.solver, observe=show, rollouts=self.rollouts
+            )
         return np.stack([optimum.motion.q for optimum in plan.optima])
 
     def optima_below(

@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from paretoik.arrays import JointPaths
 from paretoik.call_arguments import check_call
 from paretoik.errors import Infeasible, SolverFailed
 from paretoik.front.provenance import confirmation
-from paretoik.nlp.minimise import check_solver, chosen_solver, minimise
+from paretoik.nlp.minimise import check_solver, chosen_solver
 from paretoik.nlp.program import Solver
 from paretoik.nlp.solutions import CONVERGED, INTERRUPTED, NOT_FINITE, STATUSES, Solutions, concatenate
 from paretoik.pareto.certificates import OPTIONS as CERTIFICATES
@@ -28,11 +29,7 @@ from paretoik.task.evaluation import require_values
 from paretoik.task.limits import LIMIT_TOLERANCE
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
-from paretoik.trajectory.infeasibility import (
-    infeasible_error,
-    is_clearly_infeasible,
-    without_obstacles,
-)
+from paretoik.trajectory.infeasibility import infeasible_error, require_feasible
 from paretoik.trajectory.level_progress import ObserveLevel
 from paretoik.trajectory.levels import (
     OPTIONS,
@@ -110,6 +107,7 @@ def find_optima(
     initial: Float[np.ndarray, "motions time dof"] | None = None,
     solver: Solver = "auto",
     observe: ObserveLevel | None = None,
+    rollouts: JointPaths | None = None,
 ) -> Plan:
     """Return the distinct local optima of a task with one objective that many starts lead to.
 
@@ -119,7 +117,8 @@ def find_optima(
     much; where optima are many it also perturbs the best at random while that finds better ones. The distinct optima
     are refined on finer levels up to the task's own samples; on one of them the best of many are perturbed again.
     ``initial`` motions on the path are minimised at the task's own samples, and are starts too: the best of the plan is
-    no worse than the best feasible of them. ``observe`` is called after each level.
+    no worse than the best feasible of them. ``observe`` is called after each level. ``rollouts`` are motions on the
+    path, the least-violating first: if none of them keeps the limits, ``require_feasible`` looks first whether any can.
 
     Raises InvalidInput where the objective or a limit has no derivative, or a kink and ``solver`` is "interior-point";
     OutOfReach or Infeasible where there is no motion; Infeasible with the least-violating motion where none keeps the
@@ -130,7 +129,7 @@ def find_optima(
         check_solver(motion_program(task), solver)
     initial_solutions = _minimise_initial(task, initial, solver)
     try:
-        solutions, levels, count = _search(task, starts, seed, initial, solver, observe)
+        solutions, levels, count = _search(task, starts, seed, initial, solver, observe, rollouts)
     except (Infeasible, SolverFailed, Interrupted):
         if not len(initial_solutions):
             raise
@@ -159,11 +158,14 @@ def _search(
     initial: Float[np.ndarray, "motions time dof"] | None,
     solver: Solver,
     observe: ObserveLevel | None,
+    rollouts: JointPaths | None,
 ) -> tuple[Solutions, tuple[tuple[int, int], ...], int]:
     """Return the distinct optima from starts on the coarsest level that leads to some, with what ``_search_from`` adds.
 
     Raises Infeasible or SolverFailed where none leads to any.
     """
+    if rollouts is not None:
+        require_feasible(task, rollouts, observe)
     stages = first_levels(len(task.times))
     for first in stages:
         try:
@@ -174,10 +176,7 @@ def _search(
             continue
         if solutions.converged.any() or (solutions.status == INTERRUPTED).any():
             return solutions, levels, count
-        level = task.subsample(solutions.x.shape[1])
-        if is_clearly_infeasible(level, level.motion(solutions.x[0])):
-            break
-    raise _failure(task, solutions, starts, seed)
+    raise _failure(task, solutions)
 
 
 def _search_from(
@@ -263,19 +262,11 @@ def _optima(
     )
 
 
-def _failure(task: MotionTask, solutions: Solutions, starts: int | None, seed: int) -> Infeasible | SolverFailed:
+def _failure(task: MotionTask, solutions: Solutions) -> Infeasible | SolverFailed:
     """Return why no search ended well; raises EvaluationFailed where the functions have no value at any end."""
     status, level = STATUSES[int(solutions.status[0])], task.subsample(solutions.x.shape[1])
     if (solutions.status == NOT_FINITE).all():
         require_values(level, level.motion(solutions.x))
     if solutions.violation[0] <= OPTIONS.feasible:
         return SolverFailed(f"no start led to an optimum; the best ended with: {status}")
-    obstructed = bool(task.obstacles) and _is_feasible(without_obstacles(level), starts or RESTARTS.starts, seed)
-    return infeasible_error(task, level, level.motion(solutions.x[0]), obstructed=obstructed, status=status)
-
-
-def _is_feasible(level: MotionTask, starts: int, seed: int) -> bool:
-    """Return whether a start on a level leads to a motion within all limits."""
-    q = sample_starts(level, starts * max(level.redundancy, 1), np.random.default_rng(seed))
-    program = motion_program(level, objective_scales(level, q))
-    return bool(minimise(program, q, np.eye(1, len(program.upper)), options=OPTIONS.cold[0]).converged.any())
+    return infeasible_error(task, level, solutions.x, status=status)

@@ -37,7 +37,8 @@ OPTIONS = StartOptions()
 
 
 @objective(unit="rad²/s", form="integral")
-def _squared_velocity(motion: Any) -> Any:
+def squared_velocity(motion: Any) -> Any:
+    """Return Σᵢ q̇ᵢ²."""
     return np.sum(motion.dq**2, axis=-1)
 
 
@@ -76,7 +77,7 @@ def grid_starts(level: MotionTask, dof: int) -> Float[np.ndarray, "paths samples
     with suppress(InvalidInput, Infeasible):  # there is no grid of such a task, or no path through one so coarse
         return _grid_paths(level, level.objectives)
     paths = [np.empty((0, len(level.times), dof))]
-    surrogates: list[tuple[Objective, ...]] = [(_squared_velocity,)]
+    surrogates: list[tuple[Objective, ...]] = [(squared_velocity,)]
     if level.arm.gravity.any():
         surrogates.insert(0, tuple(_without_acceleration(each) for each in level.objectives))
     for objectives in surrogates:

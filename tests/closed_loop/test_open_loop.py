@@ -9,7 +9,7 @@ from paretoik.closed_loop.open_loop import OpenLoopOptions, search_start, trace_
 from paretoik.errors import Infeasible
 from paretoik.formulations.closed_loop import ClosedLoop
 from paretoik.robot.arms import marcos_nr
-from paretoik.task.obstacles import Circle
+from paretoik.task.obstacles import Box
 from problems import marcos_2012
 from tests.closed_loop.planar_geometry import joints_of, meets
 from tests.closed_loop.postures import posture
@@ -63,7 +63,8 @@ def test_errors_are_distributed_as_those_of_the_search_in_pymoo():
 
 
 def test_no_posture_clear_of_the_obstacles_is_said():
-    walls = [Circle([0.0, 0.0], 0.3)]
+    sides = [((0.5, 0.0), (0.1, 0.6)), ((-0.5, 0.0), (0.1, 0.6)), ((0.0, 0.5), (0.6, 0.1)), ((0.0, -0.5), (0.6, 0.1))]
+    walls = [Box(center, sizes) for center, sizes in sides]  # all around the base, nearer than the first link is long
     loop = ClosedLoop(marcos_nr(3), marcos_2012.round_trip(0.7, 4), obstacles=walls)
     with pytest.raises(Infeasible, match="start: a posture clear of the obstacles wanted, none of 12000"):
         search_start(loop.task, options=SMALL)

@@ -117,7 +117,7 @@ def whole(motion):
         ({"objectives": []}, "objectives: wants at least one"),
         ({"start": [4.0, 0.0, 0.0], "limits": pk.Limits(position=3.0)}, "start: .* must lie within -3 to 3, got 4"),
         (
-            {"obstacles": [pk.obstacles.Circle([0.5, 0.2], 1.0)]},
+            {"obstacles": [pk.obstacles.Circle([1.2, 0.5], 1.0)]},
             "start: must be clear of obstacles, got -.* from obstacle 1 of 1",
         ),
         ({"limits": pk.Limits(torque=3.0)}, "limits: of position, velocity and clearance wanted .*, got torque"),

@@ -122,8 +122,9 @@ def test_pymoo_takes_the_problem_with_any_algorithm():
     assert result.F[0] < 0.2
 
 
-def test_a_target_within_an_obstacle_is_said_with_the_limit():
-    blocked = pk.Posture(ARM, CIRCLE, obstacles=[pk.obstacles.Circle([0.0, 0.0], 0.3)])
+def test_obstacles_all_around_are_said_with_the_limit():
+    walls = [((0.5, 0.0), (0.1, 0.6)), ((-0.5, 0.0), (0.1, 0.6)), ((0.0, 0.5), (0.6, 0.1)), ((0.0, -0.5), (0.6, 0.1))]
+    blocked = pk.Posture(ARM, CIRCLE, obstacles=[pk.obstacles.Box(center, sizes) for center, sizes in walls])
     with pytest.raises(pk.Infeasible, match="clearance is") as caught:
         pk.solve(blocked, population=20, generations=4, observe=False)
     assert caught.value.limit == "clearance"

@@ -10,7 +10,9 @@ from paretoik import Limits, Pose, Task, circle, joint_travel, kinetic_energy, l
 from paretoik.errors import InvalidInput
 from paretoik.robot.arms import marcos_nr
 from paretoik.robot.pose import quaternion_to_matrix
+from paretoik.task.motion_task_validation import motion_task
 from paretoik.task.retraction import retract_nearest
+from problems import panda
 from tests.task.tasks import LINE, POSTURE, from_posture, task
 
 ELSEWHERE = circle([0.4, 0.0], 0.05, duration=1.0, samples=21)
@@ -229,3 +231,31 @@ def test_an_upside_down_start_is_not_taken_for_an_upright_one():
     path = line(Pose.planar(*place, 1.8 + np.pi), Pose.planar(*place, 1.8 + 2), duration=1.0, samples=11)
     with pytest.raises(InvalidInput, match=r"start must be at most .*, got 3\.14 rad"):
         task(arm=arm, path=path, start=q)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_an_obstacle_is_refused_if_and_only_if_it_overlaps_a_link_that_no_joint_moves(seed):
+    rng = np.random.default_rng(seed)
+    path = pk.line([0.45, -0.25, 0.3], [0.45, 0.25, 0.3], duration=1.5, samples=5)
+    radius, link_radius = rng.uniform(0.02, 0.1, 2)
+    center = rng.uniform([-0.2, -0.2, -0.2], [0.2, 0.2, 0.6])
+    column = np.array([0.0, 0.0, np.clip(center[2], 0.0, 0.333)])  # to the second joint, which turns at its top
+    distance = np.linalg.norm(center - column) - radius - link_radius
+
+    def build():
+        motion_task(
+            panda.panda(),
+            path,
+            objectives=[pk.joint_travel],
+            obstacles=[pk.obstacles.Sphere([2.0, 0.0, 0.0], 0.1), pk.obstacles.Sphere(center, radius)],
+            link_radius=float(link_radius),
+        )
+
+    if distance > 0:
+        build()
+        return
+    with pytest.raises(
+        InvalidInput, match=r"obstacle 2, a sphere, must be clear of (the base|link 1), which "
+    ) as raised:
+        build()
+    assert f"reaches {-distance:.3g} m into it" in str(raised.value)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 
 import numpy as np
 import pytest
@@ -125,7 +126,8 @@ def test_waypoints_of_poses_that_only_turn_go_by_angle():
 def test_timed_poses_are_met_at_their_times_even_where_they_wait():
     times = np.array([0.0, 0.3, 0.35, 1.0, 1.2])
     requested = [*TURNED, TURNED[-1]]
-    path = poses(times, requested)
+    with pytest.warns(RuntimeWarning, match="samples 0 and 1: the curve runs 0.239 m backwards"):
+        path = poses(times, requested)
     assert (path.times == times).all()
     np.testing.assert_allclose(path.positions, [pose.position for pose in requested], atol=1e-15)
     rotations = np.stack([pose.rotation for pose in requested])
@@ -197,3 +199,57 @@ START, END = [0.0, 0.0], [1.0, 0.0]
 def test_what_makes_no_path_is_refused_with_name_wish_and_fact(make, message):
     with pytest.raises(InvalidInput, match=re.escape(message)):
         make()
+
+
+def said_of(make, *arguments, **settings):
+    """What is warned of while a path is made."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        make(*arguments, **settings)
+    return [str(warning.message) for warning in caught]
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_points_taught_twice_are_named_with_their_distance(seed):
+    rng = np.random.default_rng(seed)
+    points = np.cumsum(np.array([1.0, 0.0, 0.0]) + 0.3 * rng.normal(size=(6, 3)), axis=0) * 0.1
+    assert said_of(waypoints, points, duration=1.0) == []
+    place = int(rng.integers(6))
+    offset = rng.normal(size=3)
+    again = points[place] + 2e-5 * offset / np.linalg.norm(offset)
+    twice = np.insert(points, place + 1, again, axis=0)
+    for make, arguments, noun in (
+        (waypoints, (twice,), "waypoints: points"),
+        (poses, (np.linspace(0.0, 1.0, 7), twice), "poses: samples"),
+    ):
+        said = said_of(make, *arguments, **({"duration": 1.0} if make is waypoints else {}))
+        assert said[0].startswith(f"{noun} {place} and {place + 1} are only 2e-05 m apart")
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_curve_that_runs_backwards_is_measured_as_on_a_fine_grid(seed):
+    rng = np.random.default_rng(seed)
+    times = np.concatenate([[0.0], np.cumsum(rng.choice([0.1, 1.0], 6))])
+    along = np.concatenate([[0.0], np.cumsum(rng.choice([0.02, 0.3], 6))])  # not in proportion to the times
+    points = np.column_stack([along, np.full(7, 0.2), np.zeros(7)])
+    path_warnings = said_of(poses, times, points)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        path = poses(times, points)
+    fine = [path.at(np.linspace(*times[k : k + 2], 4001))[0][:, 0] for k in range(6)]
+    backwards = np.array([(np.maximum.accumulate(x) - x).max() for x in fine])
+    said = [re.search(r"samples (\d) and \d: the curve runs ([\d.e-]+) m backwards", text) for text in path_warnings]
+    assert len(said) == (backwards.max() > 0.01 * np.median(np.diff(along)))
+    for match in said:
+        assert float(match[2]) == pytest.approx(backwards.max(), rel=0.02, abs=1e-5)
+        assert backwards[int(match[1])] == pytest.approx(backwards.max(), abs=1e-5)
+
+
+def test_paths_sampled_at_rest_corners_and_dwells_are_no_warning():
+    time = np.linspace(0.0, 1.0, 401)
+    covered = (1 - np.cos(np.pi * time)) / 2
+    assert said_of(poses, time, np.column_stack([0.4 * covered, 0.1 * np.sin(3 * covered)])) == []
+    assert said_of(waypoints, [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]], duration=1.0) == []
+    assert said_of(waypoints, [[0.0, 0.0], [0.5, 0.87], [1.0, 0.0], [1.5, 0.87]], duration=1.0) == []
+    stay = [Pose([0.5, 0.0, 0.3], vector_to_quaternion(np.array([0.0, 0.0, angle]))) for angle in (0.0, 0.2, 0.5, 0.7)]
+    assert said_of(poses, [0.0, 0.3, 0.6, 1.0], stay) == []

@@ -24,7 +24,7 @@ def test_a_motion_that_leaves_the_path_between_coarse_samples_is_left_out():
     good = pk.plan(problem).best.motion.q[::4]
     whirling = good.copy()
     whirling[1::2, 0] += 2 * np.pi  # the same postures, but a whole turn between each and the next
-    resampled = levels._resample(coarse, np.stack([whirling, good]), finer)
+    resampled = levels.resample(coarse, np.stack([whirling, good]), finer)
     assert resampled.shape == (1, 101, 3)
     with pytest.raises(Infeasible, match="no motion found on 26 samples follows the path between them"):
-        levels._resample(coarse, whirling[None], finer)
+        levels.resample(coarse, whirling[None], finer)

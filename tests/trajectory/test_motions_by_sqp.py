@@ -224,7 +224,7 @@ def test_the_least_violation_is_found_where_limits_cannot_hold():
     ).task
     q = initial_motions(task, starts=3, seed=0)
     program = motion_program(task)
-    eased = minimise_violation(program, q, np.full(1, np.inf), InteriorPointOptions())
+    eased = minimise_violation(program, q, np.full(1, np.inf), [InteriorPointOptions()])
     assert np.all(eased.violation < np.maximum(task.violations(task.motion(q)).max(axis=1), 1e-12))
 
 
