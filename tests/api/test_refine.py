@@ -186,7 +186,7 @@ def test_polishing_that_fails_leaves_the_run_as_it_was_found(tmp_path):
         pk.solve(walk(), **{**SMALL, "generations": 6}, out=tmp_path / "run", observe=fail)
     stored_front = pk.load_front(tmp_path / "run", walk())
     assert len(stored_front) > 1
-    assert stored_front.provenance["status"] == "InvalidInput"
+    assert stored_front.provenance["status"] == "interrupted"
 
 
 @pk.objective(unit="rad", form="peak")
