@@ -124,7 +124,7 @@ def test_an_observer_that_raises_ends_the_search_and_keeps_the_front(tmp_path):
 
 def test_a_signal_during_a_hopeless_search_keeps_the_diagnosis(tmp_path):
     def watch(progress):
-        if progress.stage == "generation" and progress.done == 2:
+        if progress.stage == "generation" and progress.done == 1:
             signal.raise_signal(signal.SIGTERM)
 
     with pytest.raises(SystemExit) as stopped:
