@@ -19,20 +19,19 @@ if TYPE_CHECKING:
 
 @check_call
 def verify(folder: str | Path, problem: Any = None, *, observe: Observer | bool | None = None) -> Verification:
-    """Return what an independent look at a run folder says: a row for everything that was checked, or was not.
+    """Return a row for everything that was checked of a run folder, or was not.
 
-    The files, motions at their samples and between them, limits, collisions, objectives and certificates are checked by
-    SciPy and Pinocchio, which ``pip install "paretoik[verify]"`` brings; no kernel is shared with what made the run.
-    ``problem`` is the problem or its name, as for ``load_front``; its numbers and a user's functions count. The problem
-    of a polygon is the arm. ``passed`` says whether nothing failed,
-    ``unchecked`` what nobody looked at. ``observe`` learns how many points are checked, as that of ``refine`` does.
+    Files, motions at their samples and between them, limits, collisions, objectives and certificates are checked by
+    SciPy and Pinocchio (``pip install "paretoik[verify]"``) against the limits of the problem. No kernel is shared with
+    what made the run. ``problem`` is the problem or its name, as for ``load_front``; its numbers and a user's functions
+    count. The problem of a polygon is the arm. ``passed`` says whether no check failed, ``unchecked`` what was not
+    checked and why, ``verified`` whether nothing is left to belief. ``observe`` learns how many points are checked, as
+    that of ``refine`` does.
 
     Raises
     ------
     InvalidRun
-        Where the folder is no run with a result.
-    InvalidInput
-        Where Pinocchio is not installed.
+        If the folder is not a run with a result.
     """
     path, reason, same = file_path("folder", folder), "", None
     check_problem_argument(problem)
@@ -40,7 +39,6 @@ def verify(folder: str | Path, problem: Any = None, *, observe: Observer | bool 
     from paretoik.verification.run_contents import read_contents
     from paretoik.verification.verify_run import verify_run
 
-    import_pinocchio()  # without it nothing is checked: that is known before any work
     with without_writers(path):
         run = read_contents(path)
     problem = named_problem(problem)
@@ -48,6 +46,10 @@ def verify(folder: str | Path, problem: Any = None, *, observe: Observer | bool 
         reason = f"the run's problem is not at hand: {how_to_name(run.entries.get('problem'))}"
     elif {"objectives", "objective"} & run.entries.keys():
         same = fingerprint(problem) == run.entries.get("fingerprint")
+    try:
+        import_pinocchio()
+    except ParetoikError as error:  # files and tables are checked without it
+        reason, problem = str(error), None
     with open_observer(observe) as observer:
         show = count_observer(observer, "verification", uniform=True)
         return verify_run(run, problem, reason=reason, same=same, show=show)

@@ -22,7 +22,7 @@ from paretoik.cli.options import RunProblem, agreed_problem
 def verify(run: RunFolder, problem: RunProblem = None, quiet: QuietFlag = False, as_json: JsonFlag = False) -> None:
     """Check files, motions, limits, collisions, objectives and certificates of a run, sharing no kernel with it.
 
-    Exit code 7 where something fails.
+    Exit code 7 if a check fails.
     """
     with stdout_for_results(), open_observer(not quiet) as observe:
         from paretoik.api.verify import verify as verify_folder
@@ -30,7 +30,8 @@ def verify(run: RunFolder, problem: RunProblem = None, quiet: QuietFlag = False,
         verification = verify_folder(run, agreed_problem(run, problem), observe=observe or False)
     if as_json:
         rows = [asdict(row) for row in verification.rows]
-        print_json({"run": run, "passed": verification.passed, "rows": rows})
+        words = {"headline": verification.headline, "passed": verification.passed, "verified": verification.verified}
+        print_json({"run": run, **words, "rows": rows})
     else:
         print_text(verification)
     raise typer.Exit(0 if verification.passed else NOT_VERIFIED)

@@ -43,7 +43,7 @@ class ArmModel:
 
     @property
     def scales(self) -> np.ndarray:
-        """What joints are measured in (dof,): 1 rad, or the arm's length [m] of a slide."""
+        """Units of joints (dof,): 1 rad, or the arm's length [m] of a slide."""
         return np.where(self.turning, 1.0, self.length)
 
     def torques(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
@@ -110,7 +110,7 @@ class ArmModel:
 def build_model(arm: Any) -> ArmModel:
     """Return the model of an arm from its placements, bodies, tool, base and gravity.
 
-    Raises InvalidInput where Pinocchio is not installed.
+    Raises InvalidInput if Pinocchio is not installed.
     """
     pin = import_pinocchio()
     model = pin.Model()
@@ -126,12 +126,12 @@ def build_model(arm: Any) -> ArmModel:
 
 
 def import_pinocchio() -> Any:
-    """Return Pinocchio; raises InvalidInput, saying how to install it, where it is missing."""
+    """Return Pinocchio; raises InvalidInput, which says how to install it, if it is missing."""
     try:
         import pinocchio
     except ImportError as fault:
         raise InvalidInput(
-            'verify: Pinocchio wanted, which computes dynamics a second time (pip install "paretoik[verify]"), got none'
+            'Pinocchio, which computes dynamics a second time, is not installed: pip install "paretoik[verify]"'
         ) from fault
     return pinocchio
 

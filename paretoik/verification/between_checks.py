@@ -1,37 +1,50 @@
-"""Motions between their samples: the curve, projected onto the path, its limits, and what it comes near to."""
+"""Motions between their samples: the curve, projected onto the path, its limits, and what it comes near to.
+
+A curve is projected at Chebyshev points of each interval and is the polynomial through them; rates are its derivatives.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.polynomial import chebyshev
 
 from paretoik.verification.arm_model import ArmModel
 from paretoik.verification.interpolant import rebuild
 from paretoik.verification.measured_motion import MeasuredMotion
-from paretoik.verification.motion_limits import clearance_range, limit_excess
-from paretoik.verification.obstacle_distances import clearances, smallest_radius
-from paretoik.verification.options import OPTIONS
+from paretoik.verification.motion_checks import excesses
+from paretoik.verification.motion_limits import clearance_range
+from paretoik.verification.obstacle_distances import clearances, nearest_pair, smallest_radius
+from paretoik.verification.options import OPTIONS, TOLERANCES
 from paretoik.verification.path_targets import path_points, task_error
-from paretoik.verification.report import Check, judge, leave_out, note
-
-STENCIL = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12.0, np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / 12.0
+from paretoik.verification.report import Check, Worst, judge, leave_out, note
 
 
-def project(model: ArmModel, tasks: Any, q: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return postures moved onto the path along the normal directions, and how far they are off it then."""
+def project(
+    model: ArmModel, tasks: Any, q: np.ndarray, t: np.ndarray, normal_at: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return postures moved onto the path along the normal directions, and how far they are off it then.
+
+    ``normal_at`` are the postures (time, dof) whose normal directions count, by default ``q``.
+    """
     targets = [path_points(task.path, t) for task in tasks]
     result, error = np.array(q), np.zeros(len(t))
     squares = model.scales**2
+
+    def errors_at(posture: np.ndarray, row: int) -> tuple[np.ndarray, np.ndarray]:
+        parts = [
+            task_error(model, task, posture, x[row], None if turned is None else turned[row])
+            for task, (x, turned) in zip(tasks, targets, strict=True)
+        ]
+        return np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
+
     for row in range(len(t)):
-        directions = None
+        directions = None if normal_at is None else squares[:, None] * errors_at(normal_at[row], row)[1].T
         for _ in range(OPTIONS.newton_steps):
-            parts = [
-                task_error(model, task, result[row], x[row], None if turned is None else turned[row])
-                for task, (x, turned) in zip(tasks, targets, strict=True)
-            ]
-            miss, jacobian = np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
+            miss, jacobian = errors_at(result[row], row)
             if directions is None:
                 directions = squares[:, None] * jacobian.T
             error[row] = np.abs(miss).max()
@@ -42,74 +55,143 @@ def project(model: ArmModel, tasks: Any, q: np.ndarray, t: np.ndarray) -> tuple[
     return result, error
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ProjectedCurve:
+    """A motion's curve on its path: in each piece between ``edges`` a Chebyshev series (pieces, nodes, dof).
+
+    ``error`` is the largest distance from the path [share of the arm's length, rad] at its nodes, ``at`` its time [s].
+    """
+
+    edges: np.ndarray
+    series: np.ndarray
+    error: float
+    at: float
+
+    def __call__(self, t: np.ndarray, order: int = 0) -> np.ndarray:
+        """Return positions (times, dof), or their derivatives of an order, at times [s]."""
+        piece = np.clip(np.searchsorted(self.edges, t, side="right") - 1, 0, len(self.series) - 1)
+        low, high = self.edges[piece], self.edges[piece + 1]
+        place = 2 * (t - low) / (high - low) - 1
+        series = chebyshev.chebder(np.swapaxes(self.series, 0, 1), order)[:, piece] if order else None
+        terms = np.swapaxes(self.series, 0, 1)[:, piece] if series is None else series
+        powers = np.cos(np.arange(len(terms))[:, None] * np.arccos(np.clip(place, -1.0, 1.0)))
+        return np.einsum("nt,ntj->tj", powers, terms) * (2.0 / (high - low))[:, None] ** order
+
+
+def project_curve(task: Any, model: ArmModel, time: np.ndarray, q: np.ndarray) -> ProjectedCurve:
+    """Return the curve of samples (time, dof) on the path; pieces are halved until they are smooth."""
+    options = {"differences": task.differences, "cyclic": task.cyclic, "ends_at_rest": task.ends_at_rest}
+    curve = rebuild(time, q, **options)
+    nodes = chebyshev.chebpts1(OPTIONS.nodes)
+    inverse = np.linalg.inv(chebyshev.chebvander(nodes, OPTIONS.nodes - 1))
+    worst, at = 0.0, float(time[0])
+    fitted, open_ = [], np.stack([time[:-1], time[1:]], axis=1)
+    for level in range(OPTIONS.splits + 1):
+        t = (open_.mean(axis=1, keepdims=True) + np.diff(open_) / 2 * nodes).ravel()
+        on_path, error = project(model, task.tasks, curve(t), t)
+        if not error.max() <= worst:
+            worst, at = float(error.max()), float(t[int(error.argmax())])
+        series = np.einsum("nm,pmj->pnj", inverse, on_path.reshape(len(open_), len(nodes), -1))
+        rough = (np.abs(series[:, -2:]).max(axis=(1, 2)) > OPTIONS.tail) & (level < OPTIONS.splits)
+        fitted += [(low, high, each) for (low, high), each in zip(open_[~rough], series[~rough], strict=True)]
+        middle = open_[rough].mean(axis=1)
+        open_ = np.concatenate([np.stack([open_[rough, 0], middle], 1), np.stack([middle, open_[rough, 1]], 1)])
+        if not len(open_):
+            break
+    fitted.sort(key=lambda piece: float(piece[0]))
+    edges = np.array([piece[0] for piece in fitted] + [time[-1]])
+    return ProjectedCurve(edges=edges, series=np.array([piece[2] for piece in fitted]), error=worst, at=at)
+
+
+def finer_motion(task: Any, model: ArmModel, curve: ProjectedCurve, time: np.ndarray) -> MeasuredMotion:
+    """Return the curve of a motion at many instants an interval, with Simpson's weights for its integrals."""
+    count = OPTIONS.finer
+    step = np.repeat(np.diff(time) / count, count)
+    t = np.append((time[:-1, None] + np.diff(time)[:, None] * np.arange(count) / count).ravel(), time[-1])
+    weights = np.zeros(len(t))
+    for k in range(0, len(t) - 1, 2):
+        weights[k : k + 3] += step[k] / 3 * np.array([1.0, 4.0, 1.0])
+    q, dq, ddq, jerk = (curve(t, order)[None] for order in range(4))
+    return MeasuredMotion(
+        model=model,
+        task=task,
+        time=t[None],
+        q=q,
+        dq=dq,
+        ddq=ddq,
+        jerk=jerk,
+        weights=weights,
+        link_radius=float(task.link_radius),
+    )
+
+
 def check_between(
     task: Any,
     model: ArmModel,
     samples: MeasuredMotion,
-    time: np.ndarray,
-    q: np.ndarray,
+    finer: MeasuredMotion,
+    curve: ProjectedCurve,
     stated: float | None,
     point: int,
 ) -> Iterator[Check]:
-    """Check one motion between its samples; ``stated`` is the violation there that the table admits, if any."""
-    options = {"differences": task.differences, "cyclic": task.cyclic, "ends_at_rest": task.ends_at_rest}
-    curve = rebuild(time, q, **options)
-    t = (time[:-1, None] + np.diff(time)[:, None] * np.arange(1, 4) / 4).ravel()
-    on_path, error = project(model, task.tasks, curve(t), t)
-    at = f"it leaves its path by {error.max():.3g} at {t[int(error.argmax())]:.4g} s"
-    yield judge("tracking between samples", float(error.max()), OPTIONS.on_path, at, point=point)
-    if task.bounds:
-        yield from _check_limits(task, model, curve, time, t, on_path, stated, point)
+    """Check one motion between its samples, against the limits of the problem.
+
+    ``stated`` is the violation there that the table admits; a point that states one claims to keep its limits there.
+    """
+    detail = f"it leaves its path by {curve.error:.3g} at {curve.at:.4g} s"
+    yield judge("tracking between samples", curve.error, TOLERANCES.on_path, detail, point=point)
+    promised = stated is not None and task.differences == "spline"
+    found = list[tuple[float, Worst]]()
+    for subject, excess, where, fault in excesses(task, finer):
+        if where is None:
+            yield leave_out(f"{subject} between samples", fault, point=point)
+        else:
+            found.append((np.inf if np.isnan(excess) else excess, where))
+    kept = [each for each in found if each[1].what != "clearance"]  # distances are bounded all the way below
+    if kept:
+        excess, place = max(kept, key=lambda each: each[0])
+        excess = max(excess, 0.0)
+        yield _judge_limits(task, excess, place, promised=promised, point=point)
+    if stated is not None:
+        largest, worst = max(found, key=lambda each: each[0], default=(0.0, None))
+        detail = f"the table says {stated:.3g}, it is {max(largest, 0.0):.3g}"
+        short = max(largest, 0.0) - min(stated, max(largest, 0.0))
+        subject = "violation_between in the table"
+        if task.differences == "spline":
+            yield judge(subject, short, TOLERANCES.stated, detail, point=point, worst=worst)
+        else:  # the table's are finite differences on a finer grid, these the derivatives of the curve
+            yield note(subject, short, detail, point=point, worst=worst)
     if task.obstacles:
-        yield from _check_clearance(task, model, curve, samples, time, stated, point)
+        yield from _check_clearance(task, model, curve, samples, promised=promised, point=point)
 
 
-def _check_limits(
-    task: Any,
-    model: ArmModel,
-    curve: Any,
-    time: np.ndarray,
-    t: np.ndarray,
-    q: np.ndarray,
-    stated: float | None,
-    point: int,
-) -> Iterator[Check]:
-    step = np.repeat(np.diff(time), 3) * OPTIONS.reach
-    shifted = [project(model, task.tasks, curve(t + k * step), t + k * step)[0] for k in (-2, -1, 1, 2)]
-    stack = np.stack([shifted[0], shifted[1], q, shifted[2], shifted[3]])
-    dq = np.tensordot(STENCIL[0], stack, axes=1) / step[:, None]
-    ddq = np.tensordot(STENCIL[1], stack, axes=1) / step[:, None] ** 2
-    motion = MeasuredMotion(
-        model=model, task=task, time=t[None], q=q[None], dq=dq[None], ddq=ddq[None], jerk=0 * ddq[None], weights=0 * t
-    )
-    worst = limit_excess(task, motion)
-    kind = max(worst, key=lambda each: worst[each][0])
-    excess, where = max(worst[kind][0], 0.0), worst[kind][1]
-    subject = "limits between samples"
-    if stated is None:
-        yield note(subject, excess, f"{where}; nothing is promised between samples of a point not refined", point=point)
-    elif task.differences != "spline":
-        yield note(subject, excess, f"{where}; differences={task.differences!r} promise nothing there", point=point)
-    else:
-        detail = f"{where} is exceeded by {excess:.3g} of its range, the table admits {stated:.3g}"
-        yield judge(subject, excess, stated + OPTIONS.between, detail, point=point)
+def _judge_limits(task: Any, excess: float, place: Worst, *, promised: bool, point: int) -> Check:
+    subject, detail = "limits between samples", f"{place}: exceeded by {excess:.3g} of its range"
+    if promised or excess <= TOLERANCES.between:
+        return judge(subject, excess, TOLERANCES.between, detail, point=point, worst=place)
+    reason = "a point not refined" if task.differences == "spline" else f"differences={task.differences!r}"
+    detail = f"nothing is promised between samples of {reason}"
+    return note(subject, excess, detail, tolerance=TOLERANCES.between, point=point, worst=place)
 
 
 def _check_clearance(
-    task: Any, model: ArmModel, curve: Any, samples: MeasuredMotion, time: np.ndarray, stated: float | None, point: int
+    task: Any, model: ArmModel, curve: ProjectedCurve, samples: MeasuredMotion, *, promised: bool, point: int
 ) -> Iterator[Check]:
-    """Check distances all the way: an interval is done with where its ends and its length exclude a collision."""
-
-    def postures(t: np.ndarray) -> np.ndarray:
-        return project(model, task.tasks, curve(t), t)[0]
-
-    smallest, at, proven = least_clearance(task, model, postures, samples, time)
+    """Check distances all the way: an interval is done with if its ends and its length exclude a collision."""
+    smallest, at, proven = least_clearance(task, model, curve, samples, samples.time[0])
     size, short = clearance_range(task, model), max(float(task.min_clearance) - smallest, 0.0)
-    detail = f"links come within {smallest:.4g} m of an obstacle at {at:.4g} s, {task.min_clearance:g} m wanted"
-    accepted = (stated + OPTIONS.between) * size if stated is not None else _grazing(task, samples, time)
-    yield judge("clearance between samples", short, accepted, detail, point=point)
+    pair = nearest_pair(task.obstacles, model.nodes(curve(np.array([at])))[0])
+    place = Worst(what="clearance", joint=pair, time=at, value=smallest, limit=float(task.min_clearance), unit="m")
+    accepted = TOLERANCES.between * size
+    subject, detail = "clearance between samples", str(place)
+    grazing = 0.0 if promised else _grazing(task, samples)
+    if accepted < short <= grazing:
+        reason = "nothing is promised between samples of a point not refined"
+        yield note(subject, short, reason, tolerance=accepted, point=point, worst=place)
+    else:
+        yield judge(subject, short, accepted, detail, point=point, worst=place)
     if not proven:
-        yield leave_out("clearance between samples", "an interval is too near to an obstacle to be sure", point=point)
+        yield leave_out(subject, "an interval is too near to an obstacle to be sure", point=point)
 
 
 def least_clearance(
@@ -148,7 +230,7 @@ def least_clearance(
     return smallest, at, resolved
 
 
-def _grazing(task: Any, samples: MeasuredMotion, time: np.ndarray) -> float:
+def _grazing(task: Any, samples: MeasuredMotion) -> float:
     """Return how deep [m] links may dip between samples that are clear, on their way along an obstacle.
 
     Half an interval h of speed v along a round of radius R dips v²h²/8R, one of acceleration a, a h²/8; never as deep
@@ -159,5 +241,5 @@ def _grazing(task: Any, samples: MeasuredMotion, time: np.ndarray) -> float:
     step = np.diff(samples.time[0])
     v = np.linalg.norm(np.diff(nodes, axis=0), axis=-1).max(axis=1) / step
     a = np.linalg.norm(np.diff(nodes, 2, axis=0), axis=-1).max(initial=0.0) / step.min() ** 2
-    dip = np.diff(time).max() ** 2 / 8 * (a + v.max() ** 2 / (round_ + samples.link_radius))
+    dip = np.diff(np.asarray(task.times)).max() ** 2 / 8 * (a + v.max() ** 2 / (round_ + samples.link_radius))
     return float(min(dip, round_ / 2))

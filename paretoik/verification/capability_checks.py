@@ -9,8 +9,8 @@ import numpy as np
 from scipy.optimize import linprog
 
 from paretoik.verification.arm_model import ArmModel
-from paretoik.verification.options import OPTIONS
-from paretoik.verification.report import Check, demand, judge, leave_out
+from paretoik.verification.options import OPTIONS, TOLERANCES
+from paretoik.verification.report import Check, Worst, demand, judge, leave_out
 from paretoik.verification.run_contents import RunContents
 
 
@@ -22,8 +22,8 @@ def check_standing(run: RunContents, problem: Any, model: ArmModel) -> Iterator[
         point = int(run.ids[row])
         yield demand("standing still", np.ptp(q, axis=0).max() == 0, "the motion moves", point=point)
         off = float(np.linalg.norm(model.poses(q[:1])[1][0, :size] - problem.position)) / model.length
-        yield judge("position of the tool", off, OPTIONS.on_path, f"the tool is {off:.3g} lengths off", point=point)
-        yield _position_limits(model, q, point)
+        yield judge("position of the tool", off, TOLERANCES.on_path, f"the tool is {off:.3g} lengths off", point=point)
+        yield _position_limits(model, run.motions["time"][row], q, point)
         for k, direction in enumerate(problem.directions):
             name, subject = run.objectives[k]["name"], f"objective {run.objectives[k]['name']}"
             if not bare or not str(name).startswith("speed"):
@@ -31,7 +31,7 @@ def check_standing(run: RunContents, problem: Any, model: ArmModel) -> Iterator[
                 continue
             value, highest = float(run.values[row, k]), _highest_speed(problem.actuation, model, q[0], direction)
             detail = f"the table says {value:.8g} m/s, motors allow {highest:.8g}"
-            yield judge(subject, max(value / highest - 1.0, 0.0), OPTIONS.maxima, detail, point=point)
+            yield judge(subject, max(value / highest - 1.0, 0.0), TOLERANCES.maxima, detail, point=point)
         if len(run.objectives) > len(problem.directions):
             yield leave_out("other objectives", "the speeds of joints that they depend on are not stored", point=point)
 
@@ -43,14 +43,14 @@ def check_point_to_point(run: RunContents, problem: Any, model: ArmModel) -> Ite
         point = int(run.ids[row])
         places = model.poses(q[[0, -1]])[1][:, :size]
         off = float(np.linalg.norm(places - [problem.start, problem.target], axis=1).max()) / model.length
-        yield judge("ends", off, OPTIONS.on_path, f"an end is {off:.3g} lengths of the arm off", point=point)
-        yield _position_limits(model, q, point)
+        yield judge("ends", off, TOLERANCES.on_path, f"an end is {off:.3g} lengths of the arm off", point=point)
+        yield _position_limits(model, time, q, point)
         value, duration = float(run.values[row, names.index("duration")]), float(time[-1] - time[0])
         detail = f"the table says {value:.10g} s, the motion takes {duration:.10g} s"
         steps = np.diff(time)
         moving = float(steps[steps > OPTIONS.rest * (1.0 + 1e-6)].sum())
         off = max(value / duration - 1.0, moving / value - 1.0, 0.0)
-        yield judge("objective duration", off, OPTIONS.values, detail, point=point)
+        yield judge("objective duration", off, TOLERANCES.values, detail, point=point)
         yield from _check_motors(problem, model, time, q, point)
         yield from _check_work(run, problem, model, row, q)
 
@@ -68,7 +68,7 @@ def _check_work(run: RunContents, problem: Any, model: ArmModel, row: int, q: np
         work = float(np.abs(model.torques(middle, 0 * middle, 0 * middle) * np.diff(q, axis=0)).sum())
         value = float(run.values[row, k])
         detail = f"the table says {value:.10g} J, it is {work:.10g}"
-        yield judge("objective energy", abs(value - work) / max(work, 1e-12), 1e-8, detail, point=point)
+        yield judge("objective energy", abs(value - work) / max(work, 1e-12), TOLERANCES.energies, detail, point=point)
 
 
 def check_tool_path(run: RunContents) -> Iterator[Check]:
@@ -79,22 +79,24 @@ def check_tool_path(run: RunContents) -> Iterator[Check]:
     size = max(float(np.ptp(tool, axis=0).max()), float(np.abs(tool).max()))
     for name, place, at in (("start", settings.get("initial") or arrays["start"], 0), ("target", arrays["target"], -1)):
         off = float(np.linalg.norm(tool[at] - np.asarray(place, dtype=float)))
-        allowed = OPTIONS.on_path * size + float(settings.get("tolerance", 0.0))
+        allowed = TOLERANCES.on_path * size + float(settings.get("tolerance", 0.0))
         yield demand(name, off <= allowed, f"the tool is {off:.3g} m off")
     outside = np.maximum(tool - arrays["upper"], arrays["lower"] - tool).max()
-    yield demand("box of the model", outside <= OPTIONS.on_path * size, f"the tool is {outside:.3g} m outside")
+    yield demand("box of the model", outside <= TOLERANCES.on_path * size, f"the tool is {outside:.3g} m outside")
     yield demand("times", bool((np.diff(arrays["times"]) >= 0).all()), "they do not grow")
     yield leave_out("speeds", "the speed model is not stored")
 
 
-def check_polygon(run: RunContents, model: ArmModel | None) -> Iterator[Check]:
+def check_polygon(run: RunContents, model: ArmModel | None, reason: str = "") -> Iterator[Check]:
     """Check the postures and speeds of a polygon, with its arm."""
     arrays = run.arrays.get("polygon.npz", {})
     values, directions = arrays["values"], arrays["directions"]
     lengths = np.linalg.norm(directions, axis=1)
-    yield judge("directions", float(np.abs(lengths - 1.0).max()), 1e-12, "a direction has not the length 1")
+    yield judge(
+        "directions", float(np.abs(lengths - 1.0).max()), TOLERANCES.directions, "a direction has not the length 1"
+    )
     if model is None:
-        yield leave_out("postures", "the arm is not in the files; verify(folder, arm) names it")
+        yield leave_out("postures", reason or "the arm is not in the files; verify(folder, arm) names it")
         return
     joints = [str(name) for name in arrays["joint_names"]]
     yield demand("joint names", joints == list(model.arm.joint_names), "its joints are not those of the arm, in order")
@@ -104,18 +106,39 @@ def check_polygon(run: RunContents, model: ArmModel | None) -> Iterator[Check]:
     for k in np.flatnonzero(np.isfinite(values)).tolist():
         _, place, jacobian = model.jacobian(arrays["q"][k])
         off = float(np.linalg.norm(place[:size] - arrays["position"])) / model.length
-        yield judge("position of the tool", off, OPTIONS.on_path, f"the tool is {off:.3g} lengths off", point=k)
+        yield judge("position of the tool", off, TOLERANCES.on_path, f"the tool is {off:.3g} lengths off", point=k)
         if run.entries.get("unit") == "m/s":
             off = float(np.abs(jacobian[:size] @ arrays["dq"][k] - values[k] * directions[k]).max() / abs(values[k]))
-            yield judge("values", off, OPTIONS.maxima, "J dq is not the speed along the direction", point=k)
+            yield judge("values", off, TOLERANCES.maxima, "J dq is not the speed along the direction", point=k)
         else:
             yield leave_out("values", "torques hold the arm and the force: not separated a second time", point=k)
 
 
-def _position_limits(model: ArmModel, q: np.ndarray, point: int) -> Check:
+def _position_limits(model: ArmModel, time: np.ndarray, q: np.ndarray, point: int) -> Check:
+    """Return whether the arm's own limits hold: excesses are shares of a joint's range, of 1 rad or m without one."""
     lower, upper = np.array(model.arm.position_limits, dtype=float).T
-    excess = float(np.maximum(q - upper, lower - q).max())
-    return judge("position limits", max(excess, 0.0), 1e-8, f"a joint is {excess:.3g} past its limit", point=point)
+    size = np.where(np.isfinite(upper - lower) & (upper > lower), upper - lower, 1.0)
+    place, excess = _worst_of(model, "position", time, q, lower, upper, size)
+    return judge("position limits", max(excess, 0.0), TOLERANCES.limits, str(place), point=point, worst=place)
+
+
+def _worst_of(
+    model: ArmModel,
+    what: str,
+    time: np.ndarray,
+    values: np.ndarray,
+    low: np.ndarray,
+    high: np.ndarray,
+    size: np.ndarray,
+) -> tuple[Worst, float]:
+    """Return the value (time, dof) farthest beyond its limits, and its excess as a share of ``size``."""
+    low, high = np.broadcast_to(low, values.shape), np.broadcast_to(high, values.shape)
+    share = np.maximum(values - high, low - values) / size
+    i, j = np.unravel_index(int(share.argmax()), share.shape)
+    limit = high[i, j] if values[i, j] - high[i, j] >= low[i, j] - values[i, j] else low[i, j]
+    joint = model.arm.joint_names[j]
+    place = Worst(what=what, joint=joint, time=float(time[i]), value=float(values[i, j]), limit=float(limit))
+    return place, float(share[i, j])
 
 
 def _highest_speed(actuation: Any, model: ArmModel, q: np.ndarray, direction: np.ndarray) -> float:
@@ -151,6 +174,8 @@ def _check_motors(problem: Any, model: ArmModel, time: np.ndarray, q: np.ndarray
         return
     middle, speed = (q[1:] + q[:-1]) / 2, np.diff(q, axis=0) / np.diff(time)[:, None]
     low, high = _motor_speeds(problem.actuation.motors, model.torques(middle, 0 * middle, 0 * middle))
-    excess = float((np.maximum(speed - high, low - speed) / np.asarray(problem.actuation.motors.fastest)).max())
-    detail = f"a joint is faster than its motor by {excess:.3g} of its speed"
-    yield judge("motors", max(excess, 0.0) if np.isfinite(excess) else excess, 1e-6, detail, point=point)
+    fastest = np.asarray(problem.actuation.motors.fastest)
+    place, excess = _worst_of(model, "speed", (time[1:] + time[:-1]) / 2, speed, low, high, fastest)
+    detail = f"{place}: faster than its motor by {excess:.3g} of its speed"
+    shown = max(excess, 0.0) if np.isfinite(excess) else excess
+    yield judge("motors", shown, TOLERANCES.maxima, detail, point=point, worst=place)

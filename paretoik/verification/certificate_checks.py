@@ -1,152 +1,425 @@
-"""Certificates by differences: no direction along the self-motion improves what the weights say is critical.
+"""Certificates by differences: no direction along the self-motion improves all objectives at once.
 
-Along directions d that keep the path, and to first order the limits, a point with weights λ is critical where no d
-lowers Σ λᵢ f̂ᵢ: a linear program over a box inside the unit ball, whose value is at most the criticality's bound. Where
-it is not, the program for all objectives at once tells apart false weights and a false certificate.
+Along directions d that keep the path, a point is critical if no d lowers all objectives while limits hold, to first
+order: a linear program over the box |d| ≤ r inside the unit ball,
+
+    maximise    t
+    subject to  gᵢ·d + Σ wₖ eₖ + t ≤ 0      for every objective i
+                eₖ ≥ vₖₚ − vₖ + gₖₚ·d       for every piece p of its term k: absolute values, peaks, distances
+                c + J d ≤ 0                 for every limit, as a share of its range
+                −r ≤ d ≤ r
+
+The value is a lower bound of the criticality χ, and 0 if and only if χ is. Derivatives are central differences of the
+definitions. A user's function may have kinks that nobody names: the direction found is then tried, and if objectives do
+not fall along it, their slopes there are further pieces, until a better motion is shown or no direction is left.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy import sparse
 from scipy.linalg import null_space
 from scipy.optimize import linprog
 
 from paretoik.verification.arm_model import ArmModel
-from paretoik.verification.between_checks import project
-from paretoik.verification.library_objectives import objective_value
-from paretoik.verification.measured_motion import measure
-from paretoik.verification.motion_limits import constraint_excess, limit_shares
-from paretoik.verification.options import OPTIONS
+from paretoik.verification.between_checks import finer_motion, project, project_curve
+from paretoik.verification.library_objectives import Terms, objective_terms
+from paretoik.verification.measured_motion import MeasuredMotion, measure
+from paretoik.verification.motion_checks import excesses
+from paretoik.verification.motion_limits import clearance_range, limit_shares
+from paretoik.verification.options import OPTIONS, TOLERANCES
 from paretoik.verification.path_targets import path_points, task_error
-from paretoik.verification.report import Check, judge, leave_out
+from paretoik.verification.report import Check, demand, judge, leave_out
 from paretoik.verification.run_contents import RunContents
 from paretoik.verification.table_checks import certified_ranges
 
 SUBJECTS = ("criticality by differences", "weights by differences")
+CRITICAL = ("minimum", "saddle", "converged")  # statuses that claim criticality
 
 
 def check_certificate(
     run: RunContents, task: Any, model: ArmModel, objectives: Any, row: int, time: np.ndarray, q: np.ndarray
 ) -> Iterator[Check]:
-    """Check the criticality and the weights of one certified point."""
-    point = int(run.ids[row])
-    residual, weights = float(run.table["kkt_residual"][row]), np.asarray(run.motions["weights"][row])
-    forms = [each.form for each in objectives] + [each.form for each in task.constraints]
-    unfit = not np.isfinite(residual) or not np.isfinite(weights).all()
-    if unfit or "peak" in forms or task.obstacles or (task.ends_at_rest and task.differences != "spline"):
-        reason = (
-            "the run has no certificate of it"
-            if unfit
-            else "peaks, clearances and tied ends are no smooth functions to difference"
+    """Check the criticality of a point if the run claims one, and its weights if it has any."""
+    point, status = int(run.ids[row]), str(run.table["status"][row]) if "status" in run.table else ""
+    residual = float(run.table["kkt_residual"][row]) if "kkt_residual" in run.table else np.nan
+    if status not in CRITICAL and np.isnan(residual):
+        return
+    size, weights = _sizes(run, row), np.ones(1)
+    if "objective" not in run.entries:
+        weights = np.asarray(run.motions["weights"][row]) if "weights" in run.motions else np.full(len(size), np.nan)
+        excess = max(residual - TOLERANCES.criticality, 0.0) if status in CRITICAL else 0.0
+        yield demand(
+            "certificates", not excess, f"{status!r} claims criticality, kkt_residual is {residual:.3g}", point=point
         )
-        for subject in SUBJECTS:
-            yield leave_out(subject, reason, point=point)
+    accepted = TOLERANCES.criticality + (0.0 if status in CRITICAL else max(residual, 0.0))
+    reason = "run.json has an empty range" if (size <= 0).any() else ""
+    reason = reason or ("" if np.isfinite(weights).all() else "no weights were found")
+    if not reason:
+        signs = np.array([-1.0 if each.get("maximised") else 1.0 for each in run.objectives])
+        try:
+            factors = signs / size
+            gain, weighted, steepest = _gains(task, model, objectives, factors, weights, time, q, accepted)
+        except UndecidedError as fault:
+            reason = str(fault)
+        except Exception as fault:  # a user's function may raise anything
+            reason = f"a function fails here: {(str(fault).splitlines() or [type(fault).__name__])[0]}"
+    if reason:
+        yield from (leave_out(subject, reason, point=point) for subject in SUBJECTS)
         return
-    size = certified_ranges(run)
-    signs = np.array([-1.0 if each.get("maximised") else 1.0 for each in run.objectives])
-    if (size <= 0).any():
-        for subject in SUBJECTS:
-            yield leave_out(subject, "a range in run.json is none", point=point)
-        return
-    basis = _directions(task, model, time, q)
-    slopes, kinked = _differences(task, model, objectives, signs / size, time, q, basis)
-    if kinked:
-        for subject in SUBJECTS:
-            yield leave_out(subject, "an objective or a limit has a kink there", point=point)
-        return
-    count, at = len(size), _evaluate(task, model, objectives, signs / size, time, q)
-    gains, limits = slopes[:count], slopes[count:]
-    box = 1.0 / np.sqrt(max(model.dof - int(task.rows), 1))
-    weighted = _best_gain((weights @ gains)[None], limits, at[count:], box)
-    near = task.differences == "spline" and (at[count:] > -OPTIONS.near).any()
-    tolerance = max(residual, 0.0) + (OPTIONS.held if near else OPTIONS.criticality)
-    together = weighted if weighted <= tolerance else _best_gain(gains, limits, at[count:], box)
-    detail = f"a direction improves all objectives by {together:.3g} of their ranges, the table says {residual:.3g}"
-    yield judge(SUBJECTS[0], together, tolerance, detail, point=point)
+    detail = f"a direction improves all objectives by {gain:.3g} of their ranges, the table says {residual:.3g}"
+    yield judge(SUBJECTS[0], gain, accepted, detail, point=point)
     detail = f"a direction improves the weighted sum by {weighted:.3g} of its range: the weights are others"
-    steepest = box * float(np.abs(gains).sum(axis=1).max())
-    yield judge(SUBJECTS[1], weighted, max(OPTIONS.weights * steepest, tolerance), detail, point=point)
+    if len(weights) > 1:
+        yield judge(SUBJECTS[1], weighted, max(TOLERANCES.weights * steepest, accepted), detail, point=point)
+    yield leave_out(
+        "curvature", "second derivatives, which tell a minimum from a saddle, are not computed", point=point
+    )
 
 
-def _directions(task: Any, model: ArmModel, time: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Return directions (directions, time, dof) of the self-motion, one sample each, or smooth ones where too many."""
+class UndecidedError(Exception):
+    """Differences cannot decide whether a point is critical; the text says why."""
+
+
+def _sizes(run: RunContents, row: int) -> np.ndarray:
+    """Return what objectives are divided by (n_obj,): ranges of the run, the value itself of a plan's optimum."""
+    return np.abs(run.values[row]) if "objective" in run.entries else certified_ranges(run)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Pieces:
+    """Pieces of an objective's terms to first order: their ``values``, and ``slopes`` (pieces, directions).
+
+    ``terms`` (pieces,) are the terms that they belong to. ``weights`` are those of the terms, None if the largest term
+    counts.
+    """
+
+    terms: np.ndarray
+    values: np.ndarray
+    slopes: np.ndarray
+    weights: np.ndarray | None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FirstOrder:
+    """Objectives and limits to first order; ``bounds`` are the values of limits, shares of ranges that must be ≤ 0."""
+
+    objectives: tuple[Pieces, ...]
+    limits: np.ndarray
+    bounds: np.ndarray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Neighbours:
+    """Motions near one on its path, by coordinates along the self-motion of each sample that may move.
+
+    ``frames`` (samples, redundancy, dof) are the directions of each of the ``samples``.
+    """
+
+    task: Any
+    model: ArmModel
+    time: np.ndarray
+    q: np.ndarray
+    samples: np.ndarray
+    frames: np.ndarray
+
+    @property
+    def promises_between(self) -> bool:
+        """Whether refined motions keep limits between samples too."""
+        limited = self.task.bounds or self.task.obstacles or self.task.constraints
+        return bool(limited) and self.task.differences == "spline"
+
+    @property
+    def size(self) -> int:
+        """Number of coordinates."""
+        return self.frames.shape[0] * self.frames.shape[1]
+
+    def move(self, d: np.ndarray) -> np.ndarray:
+        """Return the motion at coordinates, on the path again."""
+        shares = d.reshape(self.frames.shape[:2])
+        moved = self.q.copy()
+        touched = np.flatnonzero(np.abs(shares).max(axis=1) > 0)
+        place = self.samples[touched]
+        moved[place] += np.einsum("sr,srj->sj", shares[touched], self.frames[touched])
+        moved[place] = project(self.model, self.task.tasks, moved[place], self.time[place])[0]
+        if self.task.cyclic:
+            moved[-1] = moved[0]
+        if self.task.ties_end:
+            moved[-1] = project(self.model, self.task.tasks, moved[-2:-1], self.time[-1:], self.q[-1:])[0][0]
+        return moved
+
+
+def _gains(
+    task: Any,
+    model: ArmModel,
+    objectives: Any,
+    factors: np.ndarray,
+    weights: np.ndarray,
+    time: np.ndarray,
+    q: np.ndarray,
+    accepted: float,
+) -> tuple[float, float, float]:
+    """Return the gain of all objectives at once, that of their weighted sum, and that of the steepest alone.
+
+    Raises UndecidedError if kinks leave it open.
+    """
+    near = _neighbours(task, model, time, q)
+
+    def evaluate(d: np.ndarray) -> list[Terms]:
+        motion = measure(model, task, time, near.move(d))
+        terms = [objective_terms(each, motion, factor) for each, factor in zip(objectives, factors, strict=True)]
+        return [*terms, _limit_terms(task, motion)]
+
+    at = _linearise(near, evaluate, np.zeros(near.size))
+    box = 1.0 / np.sqrt(near.frames.shape[1])
+    gain, at = _shown_gain(near, evaluate, at, box, accepted)
+    weighted = gain if len(weights) == 1 else _best_gain(at, box, weights[None])[0]
+    free = replace(at, limits=at.limits[:0], bounds=at.bounds[:0])
+    steepest = max(_best_gain(free, box, row[None])[0] for row in np.eye(len(weights)))
+    return gain, weighted, steepest
+
+
+def _neighbours(task: Any, model: ArmModel, time: np.ndarray, q: np.ndarray) -> Neighbours:
+    """Return the motions near one; raises UndecidedError if the end of a motion that is tied is not where it should."""
     frames = list[np.ndarray]()
     for k in range(len(time)):
         parts = []
         for each in task.tasks:
             x, turned = path_points(each.path, time[k : k + 1])
             parts.append(task_error(model, each, q[k], x[0], None if turned is None else turned[0])[1])
-        free = null_space(np.concatenate(parts) * model.scales)
-        if frames and free.shape == frames[-1].shape:  # turned alike, so that smooth combinations are smooth
-            left, _, right = np.linalg.svd(free.T @ (frames[-1] / model.scales[:, None]))
-            free = free @ left @ right
-        frames.append(free * model.scales[:, None])
-    redundancy = min(frame.shape[1] for frame in frames)
-    moving = np.arange(len(time)) >= (task.start is not None)
-    if task.cyclic:
-        moving[-1] = False
-    samples = np.flatnonzero(moving)
-    shapes = np.eye(len(samples))
-    if len(samples) * redundancy > OPTIONS.directions:
-        knots = np.linspace(0, len(samples) - 1, max(OPTIONS.directions // redundancy, 2))
-        hats = np.maximum(0.0, 1.0 - np.abs(np.arange(len(samples)) - knots[:, None]) / (knots[1] - knots[0]))
-        shapes = hats
-    basis = np.zeros((len(shapes), redundancy, *q.shape))
-    for k, sample in enumerate(samples):
-        basis[:, :, sample] = shapes[:, k, None, None] * frames[sample].T[:redundancy]
-    if task.cyclic:
-        basis[:, :, -1] = basis[:, :, 0]
-    return basis.reshape(-1, *q.shape)
+        frames.append((null_space(np.concatenate(parts) * model.scales) * model.scales[:, None]).T)
+    redundancy = min(len(frame) for frame in frames)
+    first, last = int(task.start is not None), len(time) - int(task.cyclic or task.ties_end)
+    samples = np.arange(first, last)
+    near = Neighbours(
+        task=task,
+        model=model,
+        time=time,
+        q=q,
+        samples=samples,
+        frames=np.array([frames[k][:redundancy] for k in samples]),
+    )
+    if task.ties_end and np.abs(near.move(np.zeros(near.size))[-1] - q[-1]).max() > TOLERANCES.on_path:
+        raise UndecidedError("its end at rest is not the nearest posture to the one before")
+    return near
 
 
-def _differences(
-    task: Any, model: ArmModel, objectives: Any, factors: np.ndarray, time: np.ndarray, q: np.ndarray, basis: np.ndarray
-) -> tuple[np.ndarray, bool]:
-    """Return slopes (values, directions) by central differences, and whether an objective has a kink there."""
-    columns, kinked, count = [], False, len(objectives)
-    at = _evaluate(task, model, objectives, factors, time, q)
-    for direction in basis:
-        ahead, back = (_moved(task, model, objectives, factors, time, q, each) for each in (direction, -direction))
-        columns.append((ahead - back) / (2 * OPTIONS.step))
-        bend = np.abs(ahead - 2 * at + back)[:count] / OPTIONS.step
-        if (bend > OPTIONS.kink).any():  # of a smooth function a bend falls with the step
-            nearer = [_moved(task, model, objectives, factors, time, q, each * 0.1) for each in (direction, -direction)]
-            sharp = np.abs(nearer[0] - 2 * at + nearer[1])[:count] / (0.1 * OPTIONS.step)
-            kinked = kinked or bool((sharp > 0.5 * bend)[bend > OPTIONS.kink].any())
-    return np.array(columns).T, kinked
+def _linearise(near: Neighbours, evaluate: Callable[[np.ndarray], list[Terms]], d: np.ndarray) -> FirstOrder:
+    """Return objectives and limits to first order at coordinates, by central differences.
+
+    Terms of an instant depend on samples near by only, so that samples far apart are moved at once. If that does not
+    foresee what a random direction does, each sample is moved alone. Raises UndecidedError at a concave kink.
+    """
+    terms = evaluate(d)
+    instants = np.concatenate([np.tile(each.instants, len(each.pieces)) for each in terms])
+    middle = _flat(terms)
+    for spacing in (OPTIONS.spacing, len(near.time)):
+        if spacing < len(near.time) and (instants < 0).any():
+            continue
+        slopes, bend = _slopes(near, evaluate, d, middle, instants, spacing)
+        if spacing >= len(near.time):
+            break
+        u = np.random.default_rng(0).uniform(-1.0, 1.0, near.size)
+        seen = (_flat(evaluate(d + OPTIONS.step * u)) - _flat(evaluate(d - OPTIONS.step * u))) / (2 * OPTIONS.step)
+        foreseen = slopes @ u
+        if (np.abs(seen - foreseen) <= OPTIONS.foreseen * (np.abs(slopes) @ np.abs(u)) + OPTIONS.foreseen).all():
+            break
+    objectives, first = [], 0
+    for each in terms[:-1]:
+        rows = slice(first, first + each.pieces.size)
+        first = rows.stop
+        if len(each.pieces) == 1 and (bend[rows] < -OPTIONS.kink * np.abs(slopes[rows]).max(axis=1)).any():
+            nearer = _slopes(near, evaluate, d, middle, instants, spacing, OPTIONS.step / 10)[1]
+            if (nearer[rows] < np.minimum(bend[rows] / 2, -OPTIONS.kink * np.abs(slopes[rows]).max(axis=1))).any():
+                raise UndecidedError("an objective has a kink that opens downwards there")
+        numbers = np.tile(np.arange(each.pieces.shape[1]), len(each.pieces))
+        objectives.append(Pieces(terms=numbers, values=each.pieces.ravel(), slopes=slopes[rows], weights=each.weights))
+    finite = np.isfinite(middle[first:])
+    return FirstOrder(objectives=tuple(objectives), limits=slopes[first:][finite], bounds=middle[first:][finite])
 
 
-def _moved(
-    task: Any, model: ArmModel, objectives: Any, factors: np.ndarray, time: np.ndarray, q: np.ndarray, by: np.ndarray
-) -> np.ndarray:
-    """Return the values of a motion moved by a small step along the self-motion, on the path again."""
-    touched = np.flatnonzero(np.abs(by).max(axis=1) > 0)
-    moved = q + OPTIONS.step * by
-    moved[touched] = project(model, task.tasks, moved[touched], time[touched])[0]
-    return _evaluate(task, model, objectives, factors, time, moved)
+def _slopes(
+    near: Neighbours,
+    evaluate: Callable[[np.ndarray], list[Terms]],
+    d: np.ndarray,
+    middle: np.ndarray,
+    instants: np.ndarray,
+    spacing: int,
+    step: float = OPTIONS.step,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the derivatives (values, coordinates), and the least bend (values,) along any coordinate."""
+    count, redundancy = near.frames.shape[:2]
+    stride = 2 if near.task.differences == "spline" else 1
+    cycle = len(near.time) - 1 if near.task.cyclic else 0
+    if cycle:
+        spacing = next(s for s in range(min(spacing, cycle), cycle + 1) if cycle % s == 0)
+    slopes, bend = np.zeros((len(middle), count, redundancy)), np.zeros(len(middle))
+    for color in range(min(spacing, count)):
+        members = np.arange(color, count, spacing)
+        away = np.abs(instants[:, None] / stride - near.samples[members])
+        away = np.minimum(away, np.abs(cycle - away)) if cycle else away
+        owner = members[away.argmin(axis=1)]
+        for k in range(redundancy):
+            by = np.zeros((count, redundancy))
+            by[members, k] = step
+            ahead, back = (_flat(evaluate(d + sign * by.ravel())) for sign in (1.0, -1.0))
+            with np.errstate(invalid="ignore"):
+                slopes[np.arange(len(middle)), owner, k] = (ahead - back) / (2 * step)
+                bend = np.fmin(bend, (ahead - 2 * middle + back) / step)
+    return slopes.reshape(len(middle), -1), bend
 
 
-def _evaluate(
-    task: Any, model: ArmModel, objectives: Any, factors: np.ndarray, time: np.ndarray, q: np.ndarray
-) -> np.ndarray:
-    """Return objectives over their ranges, minimised, then all limits as shares of theirs, negative where they hold."""
-    motion = measure(model, task, time, q)
-    values = [np.array([objective_value(each, motion) for each in objectives]) * factors]
-    values += [share.ravel() for share in limit_shares(task, motion).values()]
-    values += [np.array([constraint_excess(each, motion)]) for each in task.constraints]
-    return np.concatenate(values)
+def _flat(terms: Sequence[Terms]) -> np.ndarray:
+    return np.concatenate([each.pieces.ravel() for each in terms])
 
 
-def _best_gain(gains: np.ndarray, limits: np.ndarray, at: np.ndarray, box: float) -> float:
-    """Return the most that all rows of ``gains`` fall at once along a direction within the box that keeps limits."""
-    bounded = np.isfinite(at) & (at > -np.abs(limits).sum(axis=1) * box)
-    directions = gains.shape[1]
-    rows = np.block([[gains, np.ones((len(gains), 1))], [limits[bounded], np.zeros((int(bounded.sum()), 1))]])
-    right = np.concatenate([np.zeros(len(gains)), np.maximum(-at[bounded] - OPTIONS.tightened, 0.0)])
-    cost = np.append(np.zeros(directions), -1.0)
-    bounds = [*[(-box, box)] * directions, (0.0, None)]
-    result = linprog(cost, A_ub=rows, b_ub=right, bounds=bounds, method="highs")
-    return float(-result.fun) if result.status == 0 else float("nan")
+def _limit_terms(task: Any, motion: MeasuredMotion) -> Terms:
+    """Return all limits as shares of their ranges, negative if they hold; −inf without a limit."""
+    count = motion.time.shape[1]
+    shares = list(limit_shares(task, motion).values())
+    if task.obstacles:
+        distances = motion.pair_clearances.reshape(count, -1)
+        shares.append((task.min_clearance - distances) / clearance_range(task, motion.model))
+    whole = list[float]()
+    for each in task.constraints:
+        values = np.asarray(each.function(motion), dtype=float)
+        values = motion.integral(values) if each.form == "integral" else values.reshape(-1)
+        sides = np.stack([values - each.upper, each.lower - values], axis=-1) / each.scale
+        if each.form == "peak":
+            shares.append(sides)
+        else:
+            whole += sides.ravel().tolist()
+    local = np.concatenate([share.ravel() for share in shares]) if shares else np.zeros(0)
+    instants = [np.repeat(np.arange(count), share.shape[1]) for share in shares]
+    return Terms(
+        pieces=np.append(local, whole)[None],
+        instants=np.concatenate([*instants, np.full(len(whole), -1)]).astype(int),
+        weights=None,
+    )
+
+
+def _total(terms: Terms) -> float:
+    largest = terms.pieces.max(axis=0)
+    return float(largest.max() if terms.weights is None else largest @ terms.weights)
+
+
+def _shown_gain(
+    near: Neighbours,
+    evaluate: Callable[[np.ndarray], list[Terms]],
+    at: FirstOrder,
+    box: float,
+    accepted: float,
+) -> tuple[float, FirstOrder]:
+    """Return the gain of all objectives at once; one above ``accepted`` only if a motion shows it.
+
+    That motion is better in all objectives by at least half of what is foreseen, and no limit is exceeded more than
+    before, at the instants and between them. Raises UndecidedError if kinks or limits between samples leave it open.
+    """
+    start = np.array([_total(each) for each in evaluate(np.zeros(near.size))[:-1]])
+    exceeded = _largest_excess(near, np.zeros(near.size)) if near.promises_between else 0.0
+    reason = ""
+    for _ in range(OPTIONS.rounds):
+        gain, d = _best_gain(at, box, np.eye(len(at.objectives)))
+        if gain <= accepted:
+            return gain, at
+        for step in OPTIONS.trials:
+            *objectives, limits = evaluate(step * d)
+            falls = (start - np.array([_total(each) for each in objectives])).min() >= step * gain / 2
+            kept = limits.pieces.max(initial=0.0) <= max(at.bounds.max(initial=0.0), 0.0) + TOLERANCES.limits
+            if falls and kept:
+                if not near.promises_between or _largest_excess(near, step * d) <= exceeded + TOLERANCES.limits:
+                    return gain, at
+                reason = "a direction improves all objectives, but exceeds limits between samples"
+        if reason:
+            raise UndecidedError(reason)
+        there = _linearise(near, evaluate, OPTIONS.probe * d)
+        pairs = zip(at.objectives, there.objectives, strict=True)
+        at = replace(at, objectives=tuple(_with_pieces(one, other, OPTIONS.probe * d) for one, other in pairs))
+    raise UndecidedError("kinks of an objective leave it open")
+
+
+def _largest_excess(near: Neighbours, d: np.ndarray) -> float:
+    """Return by how much the motion at coordinates exceeds limits between samples, 0 at least."""
+    curve = project_curve(near.task, near.model, near.time, near.move(d))
+    finer = finer_motion(near.task, near.model, curve, near.time)
+    return max([0.0, *(excess for _, excess, _, _ in excesses(near.task, finer))])
+
+
+def _with_pieces(at: Pieces, there: Pieces, d: np.ndarray) -> Pieces:
+    """Return the pieces of an objective with those of a motion near by, at coordinates, that have other slopes."""
+    values = there.values - there.slopes @ d
+    own = at.slopes[: len(there.slopes)]
+    other = np.abs(there.slopes - own).max(axis=1) > OPTIONS.kink * np.abs(own).max(axis=1)
+    return replace(
+        at,
+        terms=np.append(at.terms, there.terms[other]),
+        values=np.append(at.values, np.minimum(values, at.values[: len(values)])[other]),
+        slopes=np.concatenate([at.slopes, there.slopes[other]]),
+    )
+
+
+def _best_gain(at: FirstOrder, box: float, mixtures: np.ndarray) -> tuple[float, np.ndarray]:
+    """Return the most that all mixtures (rows, n_obj) of objectives fall at once, and the direction in the box."""
+    directions = at.limits.shape[1]
+    linear, rows, right, columns, epigraphs = [], [], [], [], 0
+    shares = list[list[tuple[int, float]]]()
+    for each in at.objectives:
+        slope, own = np.zeros(directions), list[tuple[int, float]]()
+        terms = each.terms if each.weights is not None else np.zeros(len(each.terms), dtype=int)
+        weights = np.ones(1) if each.weights is None else each.weights
+        order = np.lexsort((-each.values, terms))
+        heads = order[np.unique(terms[order], return_index=True)[1]]  # the largest piece of each term
+        head = np.empty(len(weights), dtype=int)
+        head[terms[heads]] = heads
+        lengths = np.abs(each.slopes).sum(axis=1)
+        slack = each.values[head[terms]] - each.values
+        reached = (slack <= box * (lengths + lengths[head[terms]])) & (weights[terms] > 0)
+        several = np.bincount(terms[reached], minlength=len(weights)) > 1
+        smooth = head[~several]
+        slope = weights[terms[smooth]] @ each.slopes[smooth]
+        for term in np.flatnonzero(several):
+            members = np.flatnonzero(reached & (terms == term))
+            rows.append(each.slopes[members])
+            right.append(slack[members])
+            columns += [epigraphs] * len(members)
+            own.append((epigraphs, float(weights[term])))
+            epigraphs += 1
+        linear.append(slope)
+        shares.append(own)
+    bounded = at.bounds > -np.abs(at.limits).sum(axis=1) * box
+    table = np.zeros((len(at.objectives), epigraphs))
+    for i, own in enumerate(shares):
+        for column, weight in own:
+            table[i, column] = weight
+    ties = len(columns)
+    pieces = np.concatenate([np.zeros((0, directions)), *rows])
+    epigraph = sparse.csr_array((-np.ones(ties), (np.arange(ties), columns)), shape=(ties, epigraphs))
+    matrix = sparse.block_array(
+        [
+            [
+                sparse.csr_array(mixtures @ np.array(linear)),
+                sparse.csr_array(mixtures @ table),
+                np.ones((len(mixtures), 1)),
+            ],
+            [sparse.csr_array(pieces), epigraph, np.zeros((ties, 1))],
+            [
+                sparse.csr_array(at.limits[bounded]),
+                sparse.csr_array((int(bounded.sum()), epigraphs)),
+                np.zeros((int(bounded.sum()), 1)),
+            ],
+        ],
+        format="csr",
+    )
+    slacks = np.maximum(-at.bounds[bounded] - OPTIONS.tightened, 0.0)
+    upper = np.concatenate([np.zeros(len(mixtures)), *right, slacks])
+    cost = np.zeros(directions + epigraphs + 1)
+    cost[-1] = -1.0
+    limits = [*[(-box, box)] * directions, *[(None, None)] * epigraphs, (0.0, None)]
+    result = linprog(cost, A_ub=matrix, b_ub=upper, bounds=limits, method="highs")
+    if result.status != 0:
+        raise UndecidedError(f"the linear program of its gain ends with: {result.message}")
+    return float(-result.fun), np.asarray(result.x[:directions])

@@ -1,8 +1,9 @@
-"""The library's objectives from their definitions, on motions measured anew; a user's by their own functions."""
+"""The library's objectives from their definitions, on motions measured again; a user's by their own functions."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,10 +20,46 @@ def objective_value(objective: Any, motion: MeasuredMotion) -> float:
 
 def objective_function(objective: Any) -> Callable[[Any], Any]:
     """Return the function of an objective: the definition below of the library's own, else the user's."""
-    function: Callable[[Any], Any] = objective.function
-    if getattr(function, "__module__", None) == LIBRARY and function.__name__ in DEFINITIONS:
-        return DEFINITIONS[function.__name__]
-    return function
+    return DEFINITIONS.get(_library_name(objective), objective.function)
+
+
+def _library_name(objective: Any) -> str:
+    """Return the name of one of the library's own objectives; "" of a user's."""
+    own = getattr(objective.function, "__module__", None) == LIBRARY
+    return str(objective.function.__name__) if own else ""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Terms:
+    """A function as a weighted sum of terms, or the largest of them, each the largest of its ``pieces``.
+
+    ``pieces`` (pieces, terms) are smooth if the function is a library's own. ``instants`` (terms,) are those that a
+    term belongs to, −1 for the whole motion. ``weights`` (terms,) are None if the largest term counts.
+    """
+
+    pieces: np.ndarray
+    instants: np.ndarray
+    weights: np.ndarray | None
+
+
+def objective_terms(objective: Any, motion: MeasuredMotion, factor: float) -> Terms:
+    """Return an objective times a factor, which is negative if it is maximised, as terms to minimise."""
+    name, count = _library_name(objective), motion.time.shape[1]
+    instants, weights = np.arange(count), motion.weights if objective.form == "integral" else None
+    if name in ABSOLUTE and factor > 0:
+        values = factor * ABSOLUTE[name](motion)[0]
+        dof = values.shape[1]
+        weights = weights if weights is None else np.repeat(weights, dof)
+        pieces = np.stack([values.ravel(), -values.ravel()])
+        return Terms(pieces=pieces, instants=np.repeat(instants, dof), weights=weights)
+    if name == "obstacle_clearance" and factor < 0:
+        distances = factor * motion.pair_clearances.reshape(count, -1)
+        pairs = distances.shape[1]
+        return Terms(pieces=distances.reshape(1, -1), instants=np.repeat(instants, pairs), weights=None)
+    values = factor * np.asarray(objective_function(objective)(motion), dtype=float).reshape(1, -1)
+    if objective.form in ("integral", "peak"):
+        return Terms(pieces=values, instants=instants, weights=weights)
+    return Terms(pieces=values, instants=np.array([-1]), weights=np.ones(1))
 
 
 def form_value(form: str, values: Any, motion: MeasuredMotion, *, maximise: bool) -> float:
@@ -41,14 +78,6 @@ def _kinetic_energy(motion: MeasuredMotion) -> np.ndarray:
 
 def _torque_norm(motion: MeasuredMotion) -> np.ndarray:
     return np.einsum("...j,...j->...", motion.torque, motion.torque)
-
-
-def _mechanical_energy(motion: MeasuredMotion) -> np.ndarray:
-    return np.abs(motion.torque * motion.dq).sum(axis=-1)
-
-
-def _joint_travel(motion: MeasuredMotion) -> np.ndarray:
-    return np.abs(motion.dq).sum(axis=-1)
 
 
 def _joint_drift(motion: MeasuredMotion) -> np.ndarray:
@@ -87,14 +116,6 @@ def _manipulability(motion: MeasuredMotion) -> np.ndarray:
     return motion.manipulability / motion.duration[:, None]
 
 
-def _peak_velocity(motion: MeasuredMotion) -> np.ndarray:
-    return np.abs(motion.dq).max(axis=-1)
-
-
-def _peak_torque(motion: MeasuredMotion) -> np.ndarray:
-    return np.abs(motion.torque).max(axis=-1)
-
-
 def _jerk(motion: MeasuredMotion) -> np.ndarray:
     return np.einsum("...j,...j->...", motion.jerk, motion.jerk)
 
@@ -103,18 +124,26 @@ def _obstacle_clearance(motion: MeasuredMotion) -> np.ndarray:
     return motion.clearance
 
 
+ABSOLUTE: dict[str, Callable[[MeasuredMotion], np.ndarray]] = {
+    "mechanical_energy": lambda motion: motion.power,
+    "joint_travel": lambda motion: motion.dq,
+    "peak_velocity": lambda motion: motion.dq,
+    "peak_torque": lambda motion: motion.torque,
+}
+"""Values (1, time, dof) whose absolute values are summed over joints, or whose largest absolute value counts."""
+
 DEFINITIONS: dict[str, Callable[[MeasuredMotion], np.ndarray]] = {
     "kinetic_energy": _kinetic_energy,
     "torque_norm": _torque_norm,
-    "mechanical_energy": _mechanical_energy,
-    "joint_travel": _joint_travel,
+    "mechanical_energy": lambda motion: np.abs(motion.power).sum(axis=-1),
+    "joint_travel": lambda motion: np.abs(motion.dq).sum(axis=-1),
     "joint_drift": _joint_drift,
     "joint_limit_distance": _joint_limit_distance,
     "joint_limit_nearness": _joint_limit_nearness,
     "velocity_limit_nearness": _velocity_limit_nearness,
     "manipulability": _manipulability,
-    "peak_velocity": _peak_velocity,
-    "peak_torque": _peak_torque,
+    "peak_velocity": lambda motion: np.abs(motion.dq).max(axis=-1),
+    "peak_torque": lambda motion: np.abs(motion.torque).max(axis=-1),
     "jerk": _jerk,
     "obstacle_clearance": _obstacle_clearance,
 }

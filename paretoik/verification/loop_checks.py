@@ -13,9 +13,9 @@ from paretoik.verification.arm_model import ArmModel
 from paretoik.verification.between_checks import least_clearance
 from paretoik.verification.measured_motion import MeasuredMotion, measure
 from paretoik.verification.motion_checks import check_limits
-from paretoik.verification.options import OPTIONS
+from paretoik.verification.options import TOLERANCES
 from paretoik.verification.path_targets import sample_points, tracking_errors
-from paretoik.verification.report import Check, judge, leave_out
+from paretoik.verification.report import Check, Worst, judge, leave_out
 from paretoik.verification.run_contents import RunContents
 
 LIBRARY = "paretoik.closed_loop.objectives"
@@ -27,7 +27,7 @@ def check_loop(run: RunContents, loop: Any, model: ArmModel) -> Iterator[Check]:
     task = loop.task.truncate(len(q))
     times, step = np.asarray(task.times), float(loop.task.times[1] - loop.task.times[0])
     off = float(np.abs(time - times).max() / times[-1])
-    yield judge("times of the path", off, 1e-9, "its times are not those of the path", point=point)
+    yield judge("times of the path", off, TOLERANCES.times, "its times are not those of the path", point=point)
     distances, angles = (
         np.max(parts, axis=0)
         for parts in zip(*(tracking_errors(model, t, q, *sample_points(t.path)) for t in task.tasks), strict=True)
@@ -36,9 +36,16 @@ def check_loop(run: RunContents, loop: Any, model: ArmModel) -> Iterator[Check]:
     for name, value in (("position_error", mean), ("drift", drift)):
         stated = float(run.entries.get(name, np.nan))
         detail = f"run.json says {stated:.10g}, it is {value:.10g}"
-        yield judge(f"{name} of the loop", abs(stated - value), OPTIONS.values * max(value, 1.0), detail, point=point)
-    longest = float((np.abs(np.diff(q, axis=0)) - loop.longest).max())
-    yield judge("length of steps", max(longest, 0.0), 1e-9, f"a joint steps {longest:.3g} too far", point=point)
+        yield judge(
+            f"{name} of the loop", abs(stated - value), TOLERANCES.values * max(value, 1.0), detail, point=point
+        )
+    steps = np.abs(np.diff(q, axis=0))
+    k, j = np.unravel_index(int(steps.argmax()), steps.shape)
+    place = Worst(
+        what="step", joint=model.arm.joint_names[j], time=float(time[k]), value=float(steps[k, j]), limit=loop.longest
+    )
+    too_far = max(float(steps[k, j]) - loop.longest, 0.0)
+    yield judge("length of steps", too_far, TOLERANCES.on_path, str(place), point=point, worst=place)
     violation = float(run.table["violation"][0]) if "violation" in run.table else None
     motion = measure(model, task, time, q)
     limited = replace(
@@ -64,7 +71,7 @@ def check_loop(run: RunContents, loop: Any, model: ArmModel) -> Iterator[Check]:
             continue
         expected = float(series[objective.name].mean())
         detail = f"the table says {value:.10g} {objective.unit}, it is {expected:.10g}"
-        yield judge(subject, abs(value - expected) / max(abs(expected), 1e-9), 1e-8, detail, point=point)
+        yield judge(subject, abs(value - expected) / max(abs(expected), 1e-9), TOLERANCES.energies, detail, point=point)
 
 
 def _check_sweep(
@@ -74,8 +81,8 @@ def _check_sweep(
     straight = interp1d(time, q, axis=0)
     smallest, at, proven = least_clearance(task, model, straight, motion, time)
     short = float(task.min_clearance) - smallest
-    detail = f"links come within {smallest:.4g} m of an obstacle at {at:.4g} s, {task.min_clearance:g} m wanted"
-    tolerance = OPTIONS.limits * model.length
+    detail = f"links come within {smallest:.4g} m of an obstacle at {at:.4g} s, the limit is {task.min_clearance:g} m"
+    tolerance = TOLERANCES.limits * model.length
     yield judge("clearance between samples", max(short, 0.0), tolerance, detail, point=point)
     if not proven:
         yield leave_out("clearance between samples", "a step is too near to an obstacle to be sure", point=point)

@@ -11,7 +11,7 @@ import numpy as np
 
 from paretoik.verification.arm_model import ArmModel
 from paretoik.verification.interpolant import instants_of, quadrature, rates, rebuild
-from paretoik.verification.obstacle_distances import clearances
+from paretoik.verification.obstacle_distances import pair_distances
 from paretoik.verification.path_targets import path_points, task_axes, task_error, tracking_errors
 
 
@@ -97,7 +97,12 @@ class MeasuredMotion:
     @cached_property
     def clearance(self) -> np.ndarray:
         """Distances of links from obstacles (1, time) [m]."""
-        return clearances(self.obstacles, self.links[0], self.link_radius)[None]
+        return self.pair_clearances.min(axis=(1, 2))[None]
+
+    @cached_property
+    def pair_clearances(self) -> np.ndarray:
+        """Distances of every link from every obstacle (time, links, obstacles) [m]."""
+        return pair_distances(self.obstacles, self.links[0]) - self.link_radius
 
     @cached_property
     def manipulability(self) -> np.ndarray:

@@ -9,34 +9,99 @@ import numpy as np
 from paretoik.verification.arm_model import ArmModel
 from paretoik.verification.library_objectives import form_value
 from paretoik.verification.measured_motion import MeasuredMotion
+from paretoik.verification.obstacle_distances import nearest_pair
+from paretoik.verification.report import Worst
 
-QUANTITIES = {"position": "q", "velocity": "dq", "acceleration": "ddq", "torque": "torque", "power": "power"}
+QUANTITIES = {
+    "position": "q",
+    "velocity": "dq",
+    "acceleration": "ddq",
+    "jerk": "jerk",
+    "torque": "torque",
+    "power": "power",
+}
+UNITS = {  # of joints that turn, and of those that slide
+    "position": ("rad", "m"),
+    "velocity": ("rad/s", "m/s"),
+    "acceleration": ("rad/s²", "m/s²"),
+    "jerk": ("rad/s³", "m/s³"),
+    "torque": ("N m", "N"),
+    "power": ("W", "W"),
+}
 
 
-def limit_excess(task: Any, motion: MeasuredMotion) -> dict[str, tuple[float, str]]:
-    """Return of every kind of limit the largest excess, as a share of its range, and where it is, in words."""
+def worst_of_limits(task: Any, motion: MeasuredMotion) -> dict[str, tuple[float, Worst]]:
+    """Return by kind the largest excess of a joint limit, as a share of its range, and its place."""
     worst = {}
     for kind, share in limit_shares(task, motion).items():
-        instant, joint = np.unravel_index(int(np.nanargmax(share)), share.shape)
-        where = f"{kind} of {motion.arm.joint_names[joint]} at {motion.time[0, instant]:.4g} s"
-        worst[kind] = float(share[instant, joint]), where
+        instant, joint = np.unravel_index(int(np.argmax(share)), share.shape)
+        value = float(limited_values(task, motion, kind)[instant, joint])
+        bounds = limits_at(task.bounds[kind], np.asarray(task.times), motion.time[0])[instant, joint]
+        above = value - bounds[1] >= bounds[0] - value
+        place = Worst(
+            what=kind,
+            joint=motion.arm.joint_names[joint],
+            time=float(motion.time[0, instant]),
+            value=value,
+            limit=float(bounds[1] if above else bounds[0]),
+            unit=UNITS[kind][int(not motion.model.turning[joint])],
+        )
+        worst[kind] = float(share[instant, joint]), place
     return worst
 
 
-def limit_shares(task: Any, motion: MeasuredMotion) -> dict[str, np.ndarray]:
-    """Return by how much joint limits are exceeded (time, dof), as shares of their ranges; −inf without a limit.
+def worst_of_clearance(task: Any, motion: MeasuredMotion) -> tuple[float, Worst]:
+    """Return how far the least clearance is below its limit, as a share of its range, and its place."""
+    instant = int(motion.clearance.argmin())
+    smallest = float(motion.clearance[0, instant])
+    pair = nearest_pair(task.obstacles, motion.links[0, instant])
+    place = Worst(
+        what="clearance",
+        joint=pair,
+        time=float(motion.time[0, instant]),
+        value=smallest,
+        limit=float(task.min_clearance),
+        unit="m",
+    )
+    return float(task.min_clearance - smallest) / clearance_range(task, motion.model), place
 
-    With differences="spline" velocities count between the middles too: a parabola lies within its control points.
-    """
+
+def worst_of_constraint(constraint: Any, motion: MeasuredMotion) -> tuple[float, Worst]:
+    """Return the excess of a user's own limit, as a share of its scale, and its place."""
+    values = np.asarray(constraint.function(motion), dtype=float)
+    if constraint.form == "peak":
+        excess = np.maximum(values - constraint.upper, constraint.lower - values).reshape(-1)
+        instant = int(np.argmax(np.where(np.isnan(excess), np.inf, excess)))
+        value, time = float(values.reshape(-1)[instant]), float(motion.time[0, instant])
+    else:
+        value, time = form_value(constraint.form, values, motion, maximise=False), np.nan
+    above = value - constraint.upper >= constraint.lower - value
+    limit = float(constraint.upper if above else constraint.lower)
+    excess_of_it = max(value - constraint.upper, constraint.lower - value) / float(constraint.scale)
+    worst = Worst(what=constraint.name, time=time, value=value, limit=limit, unit=constraint.unit)
+    return excess_of_it if np.isfinite(value) else float("nan"), worst
+
+
+def limit_shares(task: Any, motion: MeasuredMotion) -> dict[str, np.ndarray]:
+    """Return by how much joint limits are exceeded (time, dof), as shares of their ranges; −inf without a limit."""
     shares = {}
     for kind, bounds in task.bounds.items():
-        values = np.array(getattr(motion, QUANTITIES[kind])[0])
         limits = limits_at(bounds, np.asarray(task.times), motion.time[0])
-        if kind == "velocity" and len(values) == 2 * len(task.times) - 1:
-            values[1::2] = 2 * values[1::2] - (values[:-1:2] + values[2::2]) / 2
         size = ranges(kind, limits, motion.model, float(np.ptp(motion.time)))
+        values = limited_values(task, motion, kind)
         shares[kind] = np.maximum(values - limits[..., 1], limits[..., 0] - values) / size
     return shares
+
+
+def limited_values(task: Any, motion: MeasuredMotion, kind: str) -> np.ndarray:
+    """Return the values (time, dof) that a kind of limit bounds.
+
+    With differences="spline" velocities at the middles of intervals are Bernstein points: a parabola lies within them.
+    """
+    values = np.array(getattr(motion, QUANTITIES[kind])[0])
+    if kind == "velocity" and len(values) == 2 * len(task.times) - 1:
+        values[1::2] = 2 * values[1::2] - (values[:-1:2] + values[2::2]) / 2
+    return values
 
 
 def limits_at(bounds: np.ndarray, samples: np.ndarray, t: np.ndarray) -> np.ndarray:
@@ -76,19 +141,10 @@ def clearance_range(task: Any, model: ArmModel) -> float:
     return max(float(task.min_clearance), 0.01 * model.length)
 
 
-def constraint_excess(constraint: Any, motion: MeasuredMotion) -> float:
-    """Return by how much a user's own limit is exceeded, as a share of its scale."""
-    values = np.asarray(constraint.function(motion), dtype=float)
-    if constraint.form == "peak":
-        return float(np.maximum(values - constraint.upper, constraint.lower - values).max() / constraint.scale)
-    value = form_value(constraint.form, values, motion, maximise=False)
-    return max(value - constraint.upper, constraint.lower - value) / float(constraint.scale)
-
-
 def _usual(kind: str, model: ArmModel, duration: float) -> np.ndarray:
     mass = sum(float(body.mass) for body in model.arm.bodies)
     force = mass * (model.length / duration**2 + float(np.linalg.norm(model.arm.gravity)))
     work = force * model.length or 1.0
     if kind in ("torque", "power"):
         return work / model.scales if kind == "torque" else np.full(model.dof, work / duration)
-    return model.scales / duration ** {"position": 0, "velocity": 1, "acceleration": 2}[kind]
+    return model.scales / duration ** {"position": 0, "velocity": 1, "acceleration": 2, "jerk": 3}[kind]

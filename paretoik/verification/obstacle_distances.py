@@ -55,10 +55,23 @@ def segment_distances(obstacle: Any, starts: np.ndarray, ends: np.ndarray) -> np
     return best
 
 
+def pair_distances(obstacles: Sequence[Any], nodes: np.ndarray) -> np.ndarray:
+    """Return the least distances (time, links, obstacles) [m] of the center lines of links; nodes (time, nodes, 3)."""
+    return np.stack([segment_distances(each, nodes[:, :-1], nodes[:, 1:]) for each in obstacles], axis=-1)
+
+
+def nearest_pair(obstacles: Sequence[Any], nodes: np.ndarray) -> str:
+    """Return in words which link of a posture (nodes, 3) is nearest to which obstacle."""
+    distances = pair_distances(obstacles, nodes[None])[0]
+    link, number = np.unravel_index(int(distances.argmin()), distances.shape)
+    obstacle = obstacles[int(number)]
+    name = getattr(obstacle, "name", "") or f"obstacle {number + 1}, a {type(obstacle).__name__.lower()}"
+    return f"{f'link {link}' if link else 'the base'} and {name}"
+
+
 def clearances(obstacles: Sequence[Any], nodes: np.ndarray, radius: float) -> np.ndarray:
     """Return the least distances (time,) [m] of links, capsules of a radius, from obstacles; nodes (time, nodes, 3)."""
-    distances = [segment_distances(each, nodes[:, :-1], nodes[:, 1:]).min(axis=1) for each in obstacles]
-    return np.asarray(np.min(distances, axis=0) - radius)
+    return np.asarray(pair_distances(obstacles, nodes).min(axis=(1, 2)) - radius)
 
 
 def smallest_radius(obstacles: Sequence[Any]) -> float:

@@ -1,4 +1,4 @@
-"""What the verifier accepts as rounding, and how finely it looks."""
+"""Tolerances and grids of the verifier."""
 
 from __future__ import annotations
 
@@ -6,34 +6,52 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True, kw_only=True)
-class VerificationOptions:
-    """Tolerances and grids of a verification; shares are of the arm's length, of a limit's or an objective's range.
+class VerificationTolerances:
+    """Deviations that the verifier accepts, each pinned by a run that exceeds it three times.
 
-    Multipliers of a program whose value is next to 0 are known to half the digits, hence ``weights`` and ``rates``.
-    Refinement holds limits a little tighter than asked, so that they hold between samples too: ``tightened``.
+    They are what the library claims, or what rounding leaves of the same number computed twice. ``between`` is the
+    claim of refined motions. A ``criticality`` is the square root of rounding: derivatives are differences.
     """
 
+    times: float = 1e-9  # share of the duration: sample times against those of the path
     on_path: float = 1e-9  # share of the arm's length, and rad: what the library claims of samples
     limits: float = 1e-8  # share of a limit's range: what certificates claim at the instants of the problem
-    between: float = 1e-5  # share of a limit's range: of rates taken by differences between samples
-    values: float = 1e-9  # share of an objective's size: of two ways to sum the same numbers
-    criticality: float = 1e-5  # gain that all objectives can have at once: tenfold what a certificate may leave
-    near: float = 0.1  # share of a limit's range that it counts as near from
-    held: float = 1e-3  # gain likewise where limits are near: rows that hold them between samples are not restated
-    weights: float = 1e-2  # share of the steepest gain
-    rates: float = 1e-2  # share of an exchange rate
-    tightened: float = 1e-2  # share of a limit's range
-    step: float = 1e-6  # rad: of central differences along the self-motion
+    between: float = 1e-4  # share of a limit's range: what refined points claim between samples
+    stated: float = 1e-4  # share of a limit's range: what a stated violation between samples may fall short by
+    values: float = 1e-9  # share of an objective's size: two ways to sum the same numbers
+    energies: float = 1e-8  # share of a closed loop's objective, or of a motor's work: sums of many steps
+    traces: float = 1e-15  # rad or m: an error copied from one file to another
+    directions: float = 1e-12  # length of a unit vector
+    maxima: float = 1e-6  # share of a speed: linear programs, and motors at their curve
+    criticality: float = 1e-5  # gain of all objectives at once: ten times what a certificate may leave
+    weights: float = 1e-2  # share of the steepest gain: weights that others could replace
+    rates: float = 1e-6  # share of an exchange rate: the ratio of the weights
+    sums: float = 1e-6  # weights: below 0, or their sum off 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class VerificationOptions:
+    """Grids and steps of a verification."""
+
+    finer: int = 50  # instants an interval on which limits are checked between samples
+    nodes: int = 10  # Chebyshev points a piece of a curve that is projected onto the path
+    tail: float = 1e-12  # rad or m: last coefficients of a piece that needs no splitting
+    splits: int = 3  # halvings of a piece at most
+    tightened: float = 1e-2  # share of a limit's range: refinement keeps limits inside by up to this
+    step: float = 1e-6  # rad: central differences along the self-motion
+    spacing: int = 12  # samples between those that are moved at once: more than any value depends on
+    foreseen: float = 1e-3  # share of a slope by which a random direction may differ from what slopes foresee
     kink: float = 1e-3  # share by which slopes on both sides differ at a kink
-    directions: int = 160  # of the self-motion that a certificate is differentiated along: more are thinned out
-    instants: int = 4  # between samples, in each interval, before distances are bounded
-    bisections: int = 14  # of an interval in which a collision cannot be excluded
+    rounds: int = 12  # times that slopes on the other side of kinks are added
+    trials: tuple[float, ...] = (1e-3, 1e-4, 1e-5)  # rad: steps that show a gain
+    probe: float = 1e-4  # rad: step to the other side of kinks
+    instants: int = 4  # distances an interval before they are bounded
+    bisections: int = 14  # halvings of an interval in which a collision cannot be excluded
     sections: int = 60  # golden sections of a link: below the rounding of its length
-    reach: float = 1 / 40  # of an interval: the step of differences between samples
-    rest: float = 1e-6  # s: what an interval in which nothing moves is stored as; it counts for nothing in a duration
-    maxima: float = 1e-6  # share of a speed by which it may exceed a linear program's
-    end_accelerations: int = 3  # that the acceleration at a free end is continued from, at most
-    newton_steps: int = 30  # of a projection onto the path
+    rest: float = 1e-6  # s: an interval in which nothing moves; it counts for nothing in a duration
+    end_accelerations: int = 3  # accelerations that the one at a free end is continued from, at most
+    newton_steps: int = 30  # steps of a projection onto the path
 
 
+TOLERANCES = VerificationTolerances()
 OPTIONS = VerificationOptions()

@@ -21,7 +21,7 @@ RESULTS = (TABLE, OPTIMA, MOTIONS, "polygon.npz", "traces.npz", "tool_path.npz")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RunContents:
-    """What a run folder holds: entries of `run.json`, columns of its table, and arrays by file, each by name."""
+    """Contents of a run folder: entries of `run.json`, columns of its table, and arrays by file, each by name."""
 
     folder: Path
     entries: Mapping[str, Any]
@@ -31,7 +31,7 @@ class RunContents:
 
     @property
     def motions(self) -> Mapping[str, np.ndarray]:
-        """The arrays of `motions.npz`; empty where there are none."""
+        """The arrays of `motions.npz`; empty if there are none."""
         return self.arrays.get(MOTIONS, {})
 
     @property
@@ -55,7 +55,7 @@ class RunContents:
 
 
 def read_contents(folder: Path) -> RunContents:
-    """Read a run folder; raises InvalidRun where it is none, or has no result."""
+    """Read a run folder; raises InvalidRun if it is not a run with a result."""
     entries = dict(read_run(folder / RUN))
     if not isinstance(entries.get("files"), dict):
         raise InvalidRun(f"{folder}: wanted a run with a result, got one of status {entries.get('status')!r} without")

@@ -1,4 +1,4 @@
-"""What the table and the arrays of a run must be by themselves, whatever the problem."""
+"""The table and the arrays of a run by themselves, without the problem."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from paretoik.front.certificates import STATUSES
-from paretoik.verification.options import OPTIONS
+from paretoik.verification.options import TOLERANCES
 from paretoik.verification.report import Check, demand, judge, leave_out
 from paretoik.verification.run_contents import RunContents
 
@@ -83,7 +83,7 @@ def _check_rates(run: RunContents) -> Iterator[Check]:
             yield leave_out("exchange rates", "no weights were found", point=number)
             continue
         off = max(abs(float(weights.sum()) - 1.0), float(-weights.min()))
-        yield judge("weights", off, 1e-6, "weights are not positive with the sum 1", point=number)
+        yield judge("weights", off, TOLERANCES.sums, "weights are not positive with the sum 1", point=number)
         rates, intervals = arrays["exchange_rates"][row], arrays["exchange_intervals"][row]
         finite = np.isfinite(rates) & ~np.eye(len(weights), dtype=bool)
         if not finite.any() or (size == 0).any():
@@ -94,11 +94,11 @@ def _check_rates(run: RunContents) -> Iterator[Check]:
             expected = -natural[:, None] / natural[None, :]
         scale = np.maximum(np.abs(expected), np.finfo(float).tiny)
         off = float(np.max((np.abs(rates - expected) / scale)[finite]))
-        yield judge("exchange rates", off, OPTIONS.rates, "a rate is not the ratio of the weights", point=number)
+        yield judge("exchange rates", off, TOLERANCES.rates, "a rate is not the ratio of the weights", point=number)
         bounded = finite & np.isfinite(intervals).all(axis=-1)
         below, above = intervals[..., 0] - rates, rates - intervals[..., 1]
         off = float(np.max((np.maximum(below, above) / scale)[bounded], initial=0.0))
-        yield judge("exchange intervals", off, OPTIONS.rates, "a rate is outside its interval", point=number)
+        yield judge("exchange intervals", off, TOLERANCES.rates, "a rate is outside its interval", point=number)
 
 
 def certified_ranges(run: RunContents) -> np.ndarray:

@@ -16,7 +16,7 @@ from paretoik.verification.arm_model import ArmModel
 from paretoik.verification.library_objectives import objective_value
 from paretoik.verification.measured_motion import MeasuredMotion, measure
 from paretoik.verification.motion_checks import check_path
-from paretoik.verification.options import OPTIONS
+from paretoik.verification.options import TOLERANCES
 from paretoik.verification.path_targets import orientation_errors, sample_points, task_axes
 from paretoik.verification.report import Check, demand, judge, leave_out
 from paretoik.verification.run_contents import RunContents
@@ -34,7 +34,7 @@ def check_tuning(run: RunContents, problem: Any, model: ArmModel) -> Iterator[Ch
     for row, number in enumerate(run.ids.tolist()):
         time, q = (np.asarray(run.motions[name][row], dtype=float) for name in ("time", "q"))
         times = np.asarray(task.times)
-        if len(time) != len(times) or not np.allclose(time, times, rtol=1e-9, atol=0.0):
+        if len(time) != len(times) or not np.allclose(time, times, rtol=0.0, atol=TOLERANCES.times * times[-1]):
             yield leave_out("motions against the path", "the method takes its own time", point=number)
             continue
         yield _check_start(run, problem, q[0], row, number)
@@ -42,7 +42,7 @@ def check_tuning(run: RunContents, problem: Any, model: ArmModel) -> Iterator[Ch
         if problem.tolerance is not None and float(run.table["violation"][row]) <= 0:
             off = float(np.abs(errors).max())
             detail = f"its tool is {off:.3g} off the path, {problem.tolerance:g} is the tolerance"
-            yield judge("tracking", off, float(problem.tolerance) * (1 + OPTIONS.values), detail, point=number)
+            yield judge("tracking", off, float(problem.tolerance) * (1 + TOLERANCES.values), detail, point=number)
         if listed == names:
             motion = measure(model, task, time, q)
             yield from _check_objectives(run, problem, motion, errors, row, number)
@@ -74,7 +74,7 @@ def _check_start(run: RunContents, problem: Any, posture: np.ndarray, row: int, 
     else:
         possible = starts
     off = float(np.abs(possible - posture).max(axis=1).min())
-    return judge("start", off, OPTIONS.on_path, "it does not begin in the start that is its own", point=point)
+    return judge("start", off, TOLERANCES.on_path, "it does not begin in the start that is its own", point=point)
 
 
 def _check_objectives(
@@ -100,10 +100,10 @@ def _check_objectives(
         better = (expected - value) * (-1.0 if objective.maximise else 1.0)
         text = f"the table says {value:.10g} {objective.unit}".rstrip()
         if alone:
-            yield judge(subject, abs(better) / size, OPTIONS.values, f"{text}, it is {expected:.10g}", point=point)
+            yield judge(subject, abs(better) / size, TOLERANCES.values, f"{text}, it is {expected:.10g}", point=point)
         else:
             detail = f"{text}, the worst of {problem.judged_starts}; one of them alone has {expected:.10g}"
-            yield judge(subject, max(better, 0.0) / size, OPTIONS.values, detail, point=point)
+            yield judge(subject, max(better, 0.0) / size, TOLERANCES.values, detail, point=point)
 
 
 def _value(objective: Any, motion: MeasuredMotion, errors: np.ndarray) -> float | None:

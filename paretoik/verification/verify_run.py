@@ -10,7 +10,7 @@ import numpy as np
 
 from paretoik.execution.computation import computed_text
 from paretoik.verification.arm_model import ArmModel, build_model
-from paretoik.verification.between_checks import check_between
+from paretoik.verification.between_checks import check_between, finer_motion, project_curve
 from paretoik.verification.capability_checks import check_point_to_point, check_polygon, check_standing, check_tool_path
 from paretoik.verification.certificate_checks import check_certificate
 from paretoik.verification.loop_checks import check_loop
@@ -28,9 +28,10 @@ Show: TypeAlias = Callable[[int, int], object]  # is told how many points are ch
 def verify_run(
     run: RunContents, problem: Any, *, reason: str = "", same: bool | None = None, show: Show | None = None
 ) -> Verification:
-    """Return what is right and wrong with a run; ``problem`` is None, for a ``reason``, where it is not at hand.
+    """Return a row for everything that was checked of a run, or was not.
 
-    ``same`` says whether its fingerprint is the run's, None where that cannot be told; ``show`` learns what is done.
+    ``problem`` is None, for a ``reason``, if motions cannot be checked against it. ``same`` says if its fingerprint is
+    the run's, None if nobody can tell; ``show`` learns what is done.
     """
     rows = [*run.checks]
     if words := computed_text(run.entries.get("computed")):
@@ -40,12 +41,12 @@ def verify_run(
     holds = str(run.entries.get("holds", ""))
     if "polygon.npz" in run.arrays:
         arm = None if problem is None else build_model(getattr(problem, "arm", problem))
-        rows += _collect(check_polygon(run, arm))
+        rows += _collect(check_polygon(run, arm, reason))
     elif "tool_path.npz" in run.arrays:
         rows += _collect(check_tool_path(run))
     elif "resolved" in holds:
         task = getattr(problem, "task", None)
-        rows += _collect(check_resolution(run, task, None if task is None else build_model(task.arm)))
+        rows += _collect(check_resolution(run, task, None if task is None else build_model(task.arm), reason))
     else:
         rows += _collect(check_tables(run))
         sound = not any(row.verdict == "failed" for row in rows if row.subject in STRUCTURE)
@@ -119,30 +120,28 @@ def _check_tracking(run: RunContents, problem: Any, model: ArmModel) -> Iterator
         "objectives' names", listed == objectives, f"the problem has {_names(objectives)}, run.json {_names(listed)}"
     )
     yield from check_path(task, model)
-    certified = "kkt_residual" in run.table
     for row, number in enumerate(run.ids.tolist()):
         time, q = (np.asarray(run.motions[name][row], dtype=float) for name in ("time", "q"))
         rows = list(check_samples(task, model, time, q, number))
         yield from rows
         if any(each.subject == "times of the path" and each.verdict == "failed" for each in rows):
             continue
-        motion = measure(model, task, time, q)
+        motion, curve = measure(model, task, time, q), project_curve(task, model, time, q)
+        finer = finer_motion(task, model, curve, time)
         yield from check_limits(task, motion, _stated(run, "violation", row), number)
-        yield from check_between(task, model, motion, time, q, _stated(run, "violation_between", row), number)
+        yield from check_between(task, model, motion, finer, curve, _stated(run, "violation_between", row), number)
         if all(name in named for name, _, _ in listed):
             objectives = [named[name] for name, _, _ in listed]
             yield from check_objectives(run, objectives, motion, run.values[row], number)
-            if certified and "weights" in run.motions and _stated(run, "kkt_residual", row) is not None:
-                yield from check_certificate(run, task, model, objectives, row, time, q)
-    yield leave_out("curvature", "second derivatives, and with them minimum or saddle, are not computed again")
+            yield from check_certificate(run, task, model, objectives, row, time, q)
 
 
 def _stated(run: RunContents, column: str, row: int) -> float | None:
-    """Return what the table says in a column; None where it says nothing."""
+    """Return what the table says in a column; None if it says nothing."""
     if column not in run.table:
         return None
     value = float(run.table[column][row])
-    return value if np.isfinite(value) else None
+    return None if np.isnan(value) else value
 
 
 def _names(listed: list[tuple[str, str, bool]]) -> str:

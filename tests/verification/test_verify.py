@@ -71,6 +71,8 @@ def test_without_its_problem_a_run_is_checked_by_itself_and_says_what_is_missing
     verification = pk.verify(good_run("search")[0])
     assert verification.passed
     assert "motions against the problem" in subjects(verification.unchecked)
+    assert not verification.verified
+    assert "verified" not in repr(verification)
 
 
 def test_a_folder_without_a_run_is_refused(tmp_path):
@@ -78,10 +80,15 @@ def test_a_folder_without_a_run_is_refused(tmp_path):
         pk.verify(tmp_path)
 
 
-def test_without_pinocchio_one_line_says_what_to_install_before_anything_is_read(tmp_path, monkeypatch):
+def test_without_pinocchio_the_tables_are_checked_and_the_headline_says_what_to_install(good_run, monkeypatch):
+    folder, problem, _ = good_run("search")
     monkeypatch.setitem(sys.modules, "pinocchio", None)
-    with pytest.raises(pk.InvalidInput, match=r"paretoik\[verify\]"):
-        pk.verify(tmp_path / "nowhere", "nobody.py:problem")
+    verification = pk.verify(folder, problem)
+    assert verification.passed
+    assert not verification.verified
+    assert "1 not made: motions against the problem (Pinocchio" in verification.headline
+    assert "paretoik[verify]" in verification.headline
+    assert "verified" not in verification.headline
 
 
 def test_the_command_prints_rows_and_ends_with_its_own_exit_code(good_run, tmp_path):
