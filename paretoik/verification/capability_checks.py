@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import linprog
 
 from paretoik.verification.arm_model import ArmModel
-from paretoik.verification.options import OPTIONS, TOLERANCES
+from paretoik.verification.options import TOLERANCES
 from paretoik.verification.report import Check, Worst, demand, judge, leave_out
 from paretoik.verification.run_contents import RunContents
 
@@ -48,7 +48,7 @@ def check_point_to_point(run: RunContents, problem: Any, model: ArmModel) -> Ite
         value, duration = float(run.values[row, names.index("duration")]), float(time[-1] - time[0])
         detail = f"the table says {value:.10g} s, the motion takes {duration:.10g} s"
         steps = np.diff(time)
-        moving = float(steps[steps > OPTIONS.rest * (1.0 + 1e-6)].sum())
+        moving = float(steps[steps > TOLERANCES.rest * (1.0 + 1e-6)].sum())
         off = max(value / duration - 1.0, moving / value - 1.0, 0.0)
         yield judge("objective duration", off, TOLERANCES.values, detail, point=point)
         yield from _check_motors(problem, model, time, q, point)

@@ -29,7 +29,6 @@ from paretoik.verification.arm_model import ArmModel
 from paretoik.verification.between_checks import finer_motion, project, project_curve
 from paretoik.verification.library_objectives import Terms, objective_terms
 from paretoik.verification.measured_motion import MeasuredMotion, measure
-from paretoik.verification.motion_checks import excesses
 from paretoik.verification.motion_limits import clearance_range, limit_shares
 from paretoik.verification.options import OPTIONS, TOLERANCES
 from paretoik.verification.path_targets import path_points, task_error
@@ -316,11 +315,11 @@ def _shown_gain(
 ) -> tuple[float, FirstOrder]:
     """Return the gain of all objectives at once; one above ``accepted`` only if a motion shows it.
 
-    That motion is better in all objectives by at least half of what is foreseen, and no limit is exceeded more than
-    before, at the instants and between them. Raises UndecidedError if kinks or limits between samples leave it open.
+    On the way there all objectives fall with at least half of the slope that is foreseen, and no limit is exceeded more
+    than before, at any instant or between. Raises UndecidedError if kinks or limits between samples leave it open.
     """
     start = np.array([_total(each) for each in evaluate(np.zeros(near.size))[:-1]])
-    exceeded = _largest_excess(near, np.zeros(near.size)) if near.promises_between else 0.0
+    between = np.maximum(_between(near, np.zeros(near.size)), 0.0) if near.promises_between else np.zeros(0)
     reason = ""
     for _ in range(OPTIONS.rounds):
         gain, d = _best_gain(at, box, np.eye(len(at.objectives)))
@@ -328,10 +327,12 @@ def _shown_gain(
             return gain, at
         for step in OPTIONS.trials:
             *objectives, limits = evaluate(step * d)
-            falls = (start - np.array([_total(each) for each in objectives])).min() >= step * gain / 2
+            far = np.array([_total(each) for each in objectives])
+            half = np.array([_total(each) for each in evaluate(step / 2 * d)[:-1]])
+            falls = ((4 * half - far - 3 * start) / step).max() <= -gain / 2  # slopes ahead, curvature aside
             kept = limits.pieces.max(initial=0.0) <= max(at.bounds.max(initial=0.0), 0.0) + TOLERANCES.limits
             if falls and kept:
-                if not near.promises_between or _largest_excess(near, step * d) <= exceeded + TOLERANCES.limits:
+                if not len(between) or (_between(near, step * d) <= between + TOLERANCES.limits).all():
                     return gain, at
                 reason = "a direction improves all objectives, but exceeds limits between samples"
         if reason:
@@ -342,11 +343,10 @@ def _shown_gain(
     raise UndecidedError("kinks of an objective leave it open")
 
 
-def _largest_excess(near: Neighbours, d: np.ndarray) -> float:
-    """Return by how much the motion at coordinates exceeds limits between samples, 0 at least."""
+def _between(near: Neighbours, d: np.ndarray) -> np.ndarray:
+    """Return all limits of the motion at coordinates on the finer grid, as shares of their ranges."""
     curve = project_curve(near.task, near.model, near.time, near.move(d))
-    finer = finer_motion(near.task, near.model, curve, near.time)
-    return max([0.0, *(excess for _, excess, _, _ in excesses(near.task, finer))])
+    return _limit_terms(near.task, finer_motion(near.task, near.model, curve, near.time)).pieces.ravel()
 
 
 def _with_pieces(at: Pieces, there: Pieces, d: np.ndarray) -> Pieces:
@@ -414,7 +414,7 @@ def _best_gain(at: FirstOrder, box: float, mixtures: np.ndarray) -> tuple[float,
         ],
         format="csr",
     )
-    slacks = np.maximum(-at.bounds[bounded] - OPTIONS.tightened, 0.0)
+    slacks = np.maximum(-at.bounds[bounded] - TOLERANCES.tightened, 0.0)
     upper = np.concatenate([np.zeros(len(mixtures)), *right, slacks])
     cost = np.zeros(directions + epigraphs + 1)
     cost[-1] = -1.0

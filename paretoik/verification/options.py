@@ -27,6 +27,8 @@ class VerificationTolerances:
     weights: float = 1e-2  # share of the steepest gain: weights that others could replace
     rates: float = 1e-6  # share of an exchange rate: the ratio of the weights
     sums: float = 1e-6  # weights: below 0, or their sum off 1
+    tightened: float = 1e-2  # share of a limit's range: refinement keeps limits inside by up to this
+    rest: float = 1e-6  # s: an interval in which nothing moves; it counts for nothing in a duration
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,18 +39,16 @@ class VerificationOptions:
     nodes: int = 10  # Chebyshev points a piece of a curve that is projected onto the path
     tail: float = 1e-12  # rad or m: last coefficients of a piece that needs no splitting
     splits: int = 3  # halvings of a piece at most
-    tightened: float = 1e-2  # share of a limit's range: refinement keeps limits inside by up to this
     step: float = 1e-6  # rad: central differences along the self-motion
     spacing: int = 12  # samples between those that are moved at once: more than any value depends on
     foreseen: float = 1e-3  # share of a slope by which a random direction may differ from what slopes foresee
     kink: float = 1e-3  # share by which slopes on both sides differ at a kink
     rounds: int = 12  # times that slopes on the other side of kinks are added
-    trials: tuple[float, ...] = (1e-3, 1e-4, 1e-5)  # rad: steps that show a gain
+    trials: tuple[float, ...] = (1e-4, 1e-5, 1e-6)  # rad: steps that show a gain
     probe: float = 1e-4  # rad: step to the other side of kinks
     instants: int = 4  # distances an interval before they are bounded
     bisections: int = 14  # halvings of an interval in which a collision cannot be excluded
     sections: int = 60  # golden sections of a link: below the rounding of its length
-    rest: float = 1e-6  # s: an interval in which nothing moves; it counts for nothing in a duration
     end_accelerations: int = 3  # accelerations that the one at a free end is continued from, at most
     newton_steps: int = 30  # steps of a projection onto the path
 
