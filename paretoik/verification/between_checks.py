@@ -133,14 +133,15 @@ def check_between(
     curve: ProjectedCurve,
     stated: float | None,
     point: int,
+    *,
+    promised: bool,
 ) -> Iterator[Check]:
     """Check one motion between its samples, against the limits of the problem.
 
-    ``stated`` is the violation there that the table admits; a point that states one claims to keep its limits there.
+    ``stated`` is the bound of the violation there in the table, ``promised`` whether there must be none.
     """
     detail = f"it leaves its path by {curve.error:.3g} at {curve.at:.4g} s"
     yield judge("tracking between samples", curve.error, TOLERANCES.on_path, detail, point=point)
-    promised = stated is not None and task.differences == "spline"
     found = list[tuple[float, Worst]]()
     for subject, excess, where, fault in excesses(task, finer):
         if where is None:
@@ -157,10 +158,7 @@ def check_between(
         detail = f"the table says {stated:.3g}, it is {max(largest, 0.0):.3g}"
         short = max(largest, 0.0) - min(stated, max(largest, 0.0))
         subject = "violation_between in the table"
-        if task.differences == "spline":
-            yield judge(subject, short, TOLERANCES.stated, detail, point=point, worst=worst)
-        else:  # the table's are finite differences on a finer grid, these the derivatives of the curve
-            yield note(subject, short, detail, point=point, worst=worst)
+        yield judge(subject, short, TOLERANCES.stated, detail, point=point, worst=worst)
     if task.obstacles:
         yield from _check_clearance(task, model, curve, samples, promised=promised, point=point)
 
@@ -169,7 +167,7 @@ def _judge_limits(task: Any, excess: float, place: Worst, *, promised: bool, poi
     subject, detail = "limits between samples", f"{place}: exceeded by {excess:.3g} of its range"
     if promised or excess <= TOLERANCES.between:
         return judge(subject, excess, TOLERANCES.between, detail, point=point, worst=place)
-    reason = "a point not refined" if task.differences == "spline" else f"differences={task.differences!r}"
+    reason = "a point that is no minimum" if task.differences == "spline" else f"differences={task.differences!r}"
     detail = f"nothing is promised between samples of {reason}"
     return note(subject, excess, detail, tolerance=TOLERANCES.between, point=point, worst=place)
 
@@ -186,7 +184,7 @@ def _check_clearance(
     subject, detail = "clearance between samples", str(place)
     grazing = 0.0 if promised else _grazing(task, samples)
     if accepted < short <= grazing:
-        reason = "nothing is promised between samples of a point not refined"
+        reason = "nothing is promised between samples of a point that is no minimum"
         yield note(subject, short, reason, tolerance=accepted, point=point, worst=place)
     else:
         yield judge(subject, short, accepted, detail, point=point, worst=place)

@@ -44,7 +44,7 @@ def check_certificate(
     run: RunContents, task: Any, model: ArmModel, objectives: Any, row: int, time: np.ndarray, q: np.ndarray
 ) -> Iterator[Check]:
     """Check the criticality of a point if the run claims one, and its weights if it has any."""
-    point, status = int(run.ids[row]), str(run.table["status"][row]) if "status" in run.table else ""
+    point, status = int(run.ids[row]), status_of(run, row)
     residual = float(run.table["kkt_residual"][row]) if "kkt_residual" in run.table else np.nan
     if status not in CRITICAL and np.isnan(residual):
         return
@@ -78,6 +78,11 @@ def check_certificate(
     yield leave_out(
         "curvature", "second derivatives, which tell a minimum from a saddle, are not computed", point=point
     )
+
+
+def status_of(run: RunContents, row: int) -> str:
+    """Return the status of a point in the table, "" if it has none."""
+    return str(run.table["status"][row]) if "status" in run.table else ""
 
 
 class UndecidedError(Exception):

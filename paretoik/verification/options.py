@@ -9,15 +9,15 @@ from dataclasses import dataclass
 class VerificationTolerances:
     """Deviations that the verifier accepts, each pinned by a run that exceeds it three times.
 
-    They are what the library claims, or what rounding leaves of the same number computed twice. ``between`` is the
-    claim of refined motions. A ``criticality`` is the square root of rounding: derivatives are differences.
+    They are what the library claims, or what rounding leaves of the same number computed twice. Derivatives along
+    the self-motion are differences: rounding leaves half of their digits to ``criticality``.
     """
 
     times: float = 1e-9  # share of the duration: sample times against those of the path
     on_path: float = 1e-9  # share of the arm's length, and rad: what the library claims of samples
     limits: float = 1e-8  # share of a limit's range: what certificates claim at the instants of the problem
-    between: float = 1e-4  # share of a limit's range: what refined points claim between samples
-    stated: float = 1e-4  # share of a limit's range: what a stated violation between samples may fall short by
+    between: float = 1e-6  # share of a limit's range, between samples: second derivatives of postures on the path
+    stated: float = 1e-6  # share of a limit's range: by how much a stated bound between samples may be too low
     values: float = 1e-9  # share of an objective's size: two ways to sum the same numbers
     energies: float = 1e-8  # share of a closed loop's objective, or of a motor's work: sums of many steps
     traces: float = 1e-15  # rad or m: an error copied from one file to another
