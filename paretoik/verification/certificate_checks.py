@@ -56,24 +56,24 @@ def check_certificate(
             "certificates", not excess, f"{status!r} claims criticality, kkt_residual is {residual:.3g}", point=point
         )
     accepted = TOLERANCES.criticality + (0.0 if status in CRITICAL else max(residual, 0.0))
-    reason = "run.json has an empty range" if (size <= 0).any() else ""
-    reason = reason or ("" if np.isfinite(weights).all() else "no weights were found")
-    if not reason:
-        signs = np.array([-1.0 if each.get("maximised") else 1.0 for each in run.objectives])
-        try:
-            factors = signs / size
-            gain, weighted, steepest = _gains(task, model, objectives, factors, weights, time, q, accepted)
-        except UndecidedError as fault:
-            reason = str(fault)
-        except Exception as fault:  # a user's function may raise anything
-            reason = f"a function fails here: {(str(fault).splitlines() or [type(fault).__name__])[0]}"
+    signs = np.array([-1.0 if each.get("maximised") else 1.0 for each in run.objectives])
+    known, reason = bool(np.isfinite(weights).all()), ""
+    some = weights if known else np.full(len(size), 1.0 / len(size))
+    try:
+        gain, weighted, steepest = _gains(task, model, objectives, signs / size, some, time, q, accepted)
+    except UndecidedError as fault:
+        reason = str(fault)
+    except Exception as fault:  # a user's function may raise anything
+        reason = f"a function fails here: {(str(fault).splitlines() or [type(fault).__name__])[0]}"
     if reason:
         yield from (leave_out(subject, reason, point=point) for subject in SUBJECTS)
         return
     detail = f"a direction improves all objectives by {gain:.3g} of their ranges, the table says {residual:.3g}"
     yield judge(SUBJECTS[0], gain, accepted, detail, point=point)
     detail = f"a direction improves the weighted sum by {weighted:.3g} of its range: the weights are others"
-    if len(weights) > 1:
+    if not known:
+        yield leave_out(SUBJECTS[1], "no weights were found", point=point)
+    elif len(weights) > 1:
         yield judge(SUBJECTS[1], weighted, max(TOLERANCES.weights * steepest, accepted), detail, point=point)
     yield leave_out(
         "curvature", "second derivatives, which tell a minimum from a saddle, are not computed", point=point
@@ -90,8 +90,11 @@ class UndecidedError(Exception):
 
 
 def _sizes(run: RunContents, row: int) -> np.ndarray:
-    """Return what objectives are divided by (n_obj,): ranges of the run, the value itself of a plan's optimum."""
-    return np.abs(run.values[row]) if "objective" in run.entries else certified_ranges(run)
+    """Return what objectives are divided by (n_obj,): ranges of the run, or if there is none the value, or 1 unit."""
+    if "objective" in run.entries:
+        return np.maximum(np.abs(run.values[row]), np.finfo(float).tiny)
+    size = certified_ranges(run)
+    return np.where(size > 0, size, np.maximum(np.abs(run.values[row]), 1.0))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

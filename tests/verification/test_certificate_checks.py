@@ -46,7 +46,12 @@ PROBLEMS = {
 }
 
 
-@pytest.mark.parametrize("name", PROBLEMS)
+SLOW = ("absolute values", "a peak")  # torques take long to compile
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] if name in SLOW else []) for name in PROBLEMS]
+)
 def test_an_optimum_with_kinks_is_critical_and_a_motion_next_to_it_is_not(name, tmp_path):
     problem = PROBLEMS[name]()
     pk.plan(problem, starts=2, out=tmp_path / "run", observe=False)
