@@ -9,6 +9,7 @@ from paretoik.api.progress import Observer, count_observer
 from paretoik.api.progress_display import open_observer
 from paretoik.api.run_problem import check_problem_argument, how_to_name, named_problem
 from paretoik.call_arguments import check_call
+from paretoik.errors import InvalidInput
 from paretoik.file_replacement import without_writers
 from paretoik.fingerprint.fingerprint import fingerprint
 from paretoik.inputs import file_path
@@ -48,7 +49,7 @@ def verify(folder: str | Path, problem: Any = None, *, observe: Observer | bool 
         same = fingerprint(problem) == run.entries.get("fingerprint")
     try:
         import_pinocchio()
-    except ParetoikError as error:  # files and tables are checked without it
+    except InvalidInput as error:  # files and tables are checked without it
         reason, problem = str(error), None
     with open_observer(observe) as observer:
         show = count_observer(observer, "verification", uniform=True)
