@@ -327,7 +327,9 @@ def _shown_gain(
     than before, at any instant or between. Raises UndecidedError if kinks or limits between samples leave it open.
     """
     start = np.array([_total(each) for each in evaluate(np.zeros(near.size))[:-1]])
-    between = np.maximum(_between(near, np.zeros(near.size)), 0.0) if near.promises_between else np.zeros(0)
+    between = np.zeros(0)
+    if near.promises_between:  # limits that refinement keeps inside count as active there too
+        between = np.maximum(_between(near, np.zeros(near.size)), -TOLERANCES.tightened)
     reason = ""
     for _ in range(OPTIONS.rounds):
         gain, d = _best_gain(at, box, np.eye(len(at.objectives)))
@@ -342,7 +344,7 @@ def _shown_gain(
             if falls and kept:
                 if not len(between) or (_between(near, step * d) <= between + TOLERANCES.limits).all():
                     return gain, at
-                reason = "a direction improves all objectives, but exceeds limits between samples"
+                reason = "a direction improves all objectives, but comes nearer to limits between samples"
         if reason:
             raise UndecidedError(reason)
         there = _linearise(near, evaluate, OPTIONS.probe * d)

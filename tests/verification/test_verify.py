@@ -132,7 +132,7 @@ def test_the_command_shows_progress_on_stderr_with_and_without_a_terminal(termin
     paretoik = [sys.executable, "-m", "paretoik"]
     subprocess.run([*paretoik, "solve", "mine.py:reach", "--out", "run", *SHORT], cwd=tmp_path, check=True)
     main, own = os.openpty() if terminal else os.pipe()
-    command = [*paretoik, "verify", "run"]
+    command = [*paretoik, "verify", "run", "--problem", "mine.py:reach"]
     with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=own, text=True) as process:
         os.close(own)
         shown = read_to_end(main)
