@@ -45,7 +45,7 @@ def keep_path(
         path = compute()
         counts = {"samples": len(path.times), "seconds": round(session.seconds, 3)}
         provenance = {**session.provenance, "status": "path", "counts": counts, "duration": float(path.times[-1])}
-        session.keep(lambda folder: _save(path, query, provenance, folder), status=provenance["status"])
+        session.keep(path, lambda folder: _save(path, query, provenance, folder), status=provenance["status"])
         with session.reviewing():
             _review(path, query, provenance, session)
     return path
