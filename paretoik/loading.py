@@ -17,7 +17,7 @@ from paretoik.formulations.protocol import timeline
 from paretoik.inputs import is_integer, likely_spelling, listed, shown
 from paretoik.missing_files import missing_file
 from paretoik.shell_command import shell_command
-from paretoik.user_functions import attribute_of, cause_of, is_ctrl_c
+from paretoik.user_functions import attribute_of, cause_of, is_ctrl_c, limited_call
 
 LONGEST = 200  # characters of a reference that is shown whole
 
@@ -97,9 +97,10 @@ def _import_module(place: str, what: str = "problem") -> ModuleType:
         sys.path.append(str(root))
     importlib.invalidate_caches()
     try:
-        if path.suffix == ".py":
-            _import_package(root, dotted.partition(".")[0])
-        return importlib.import_module(dotted)
+        with limited_call(f"{what} file {place}", loads=True):
+            if path.suffix == ".py":
+                _import_package(root, dotted.partition(".")[0])
+            return importlib.import_module(dotted)
     except ParetoikError:
         raise
     except ModuleNotFoundError as error:
@@ -229,7 +230,8 @@ def _call(function: Any, module: ModuleType, reference: str) -> Any:
             f"{', '.join(required)}"
         )
     try:
-        return function()
+        with limited_call(f"problem {_quoted(reference)}", loads=True):
+            return function()
     except ParetoikError:
         raise
     except BaseException as error:  # a user's function may raise anything

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import signal
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from dis import opmap
 from functools import partial
+from types import FrameType
 from typing import Any
 
 import numpy as np
 
 from paretoik.arrays import Objectives
+from paretoik.compilation_notices import computing_clock
 from paretoik.errors import EvaluationFailed, ParetoikError
 from paretoik.stop_flag import Interrupted
 from paretoik.user_warnings import warn_user
@@ -25,6 +29,20 @@ class OddObjectiveOptions:
 
 
 OPTIONS = OddObjectiveOptions()
+
+
+@dataclass(frozen=True, kw_only=True)
+class CallLimitOptions:
+    """How calls of users' functions are ended."""
+
+    grace: float = 1.0  # s: each call may last at least this long, also past the time limit of its verb
+    loading: float = 10.0  # s: the same for building a problem, as libraries are imported then
+    allowed: int = 3  # calls that may time out while a problem is built
+    longest: float = 3600.0  # s: longest wait of a timer
+    interval: float = 0.1  # s: time between two attempts to end a call whose code catches the first
+
+
+CALLS = CallLimitOptions()
 
 
 def function_name(function: Callable[..., Any], nameless: str = "lambda") -> str:
@@ -52,6 +70,79 @@ def user_function(name: str, failure: type[ParetoikError] = EvaluationFailed) ->
         if is_ctrl_c(error):
             raise
         raise failure(f"{name} raised {cause_of(error)}") from error
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CallLimit:
+    """A limit on each call of a user's function.
+
+    left: seconds left to a call that has lasted this long [s], and whether the call loads a problem
+    failure: error of a call of this name that is ended
+    ends_verb: whether the failure ends the verb under way, not only the call
+    """
+
+    left: Callable[[float, bool], float]
+    failure: Callable[[str], BaseException]
+    ends_verb: bool
+
+
+class _Late(BaseException):
+    """Ends a call, also one that catches every Exception."""
+
+    def __init__(self, limit: CallLimit) -> None:
+        self.limit = limit
+
+
+_LIMITS: list[CallLimit] = []
+
+
+@contextmanager
+def limited_calls(limit: CallLimit) -> Iterator[None]:
+    """Limit each ``limited_call`` within the body."""
+    _LIMITS.append(limit)
+    try:
+        yield
+    finally:
+        _LIMITS.remove(limit)
+
+
+def end_late_verb(name: str, lasted: float) -> None:
+    """Raise the failure that ends the verb under way if a call elsewhere, as in a worker, has lasted too long [s]."""
+    for limit in _LIMITS:
+        if limit.ends_verb and limit.left(lasted, False) <= 0:
+            raise limit.failure(name)
+
+
+@contextmanager
+def limited_call(name: str, *, loads: bool = False) -> Iterator[None]:
+    """End the body, which calls a user's function, or ``loads`` a problem, as soon as a limit is reached.
+
+    Only Python code in the main thread can be ended, and calls that wait, such as ``time.sleep``; compiled code that
+    does not return is ended only in a worker. Raises the limit's failure.
+    """
+    if not _LIMITS or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    began = computing_clock()
+
+    def end_if_late(number: int, frame: FrameType | None) -> None:
+        if frame is None or frame.f_globals.get("__name__") in (__name__, "contextlib"):
+            return  # the call begins or ends at this moment
+        for limit in _LIMITS:
+            if limit.left(computing_clock() - began, loads) <= 0:
+                raise _Late(limit)
+
+    handler = signal.signal(signal.SIGALRM, end_if_late)
+    first = min(max(min(limit.left(0.0, loads) for limit in _LIMITS), CALLS.interval), CALLS.longest)
+    timer = signal.setitimer(signal.ITIMER_REAL, first, CALLS.interval)
+    try:
+        try:
+            yield
+        finally:
+            signal.setitimer(signal.ITIMER_REAL, *timer)
+            signal.signal(signal.SIGALRM, handler)
+    except _Late as late:
+        raise late.limit.failure(name) from None
 
 
 def is_ctrl_c(error: BaseException) -> bool:

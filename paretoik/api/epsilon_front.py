@@ -16,6 +16,7 @@ from paretoik.api.progress import Observer
 from paretoik.api.review_front import review_front
 from paretoik.api.run_session import RunSession, Subject, run_session
 from paretoik.api.sweep_display import SweepDisplay
+from paretoik.api.verb_session import computing
 from paretoik.arrays import Genes, Points
 from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
@@ -105,7 +106,8 @@ def epsilon_front(
     formulation = require_program("epsilon_front", problem)
     if len(formulation.names) < 2:
         raise InvalidInput("epsilon_front: two objectives or more wanted, got one: plan finds its optima")
-    check_solver(formulation.program(), solver)
+    with computing(time_limit):  # users' functions are traced
+        check_solver(formulation.program(), solver)
     starting = initial_points(formulation, initial)
     settings = {
         "points": points,

@@ -13,6 +13,7 @@ from paretoik.api.plan_display import PlanDisplay
 from paretoik.api.plan_storage import save_plan
 from paretoik.api.progress import Observer
 from paretoik.api.run_session import Subject, run_session
+from paretoik.api.verb_session import computing
 from paretoik.call_arguments import check_call
 from paretoik.execution.executor import check_workers
 from paretoik.execution.time_limit import check_time_limit
@@ -101,7 +102,8 @@ def plan(
     check_solver_name(solver)
     find_optima = require_plan(problem)
     if solver != "auto":  # which takes what there is, and looks at values before derivatives
-        check_solver(problem.program(), solver)
+        with computing(time_limit):  # users' functions are traced
+            check_solver(problem.program(), solver)
     settings = {
         "starts": starts,
         "seed": seed,

@@ -17,7 +17,7 @@ from paretoik.api.progress import Observer, count_observer
 from paretoik.api.refinement_display import RefinementDisplay, improved_points
 from paretoik.api.review_front import review_front
 from paretoik.api.run_session import Subject, run_session
-from paretoik.api.verb_session import verb_session
+from paretoik.api.verb_session import computing, verb_session
 from paretoik.arrays import Genes, Ids, Points, Values
 from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
@@ -122,8 +122,9 @@ def refine(
     """
     problem, formulation = _refinable(front, problem)
     former = {**front.provenance, **({} if front.folder is None else {"run": str(front.folder)})}
-    check_solver(formulation.program(), solver)
     check_time_limit(time_limit)
+    with computing(time_limit):  # users' functions are traced
+        check_solver(formulation.program(), solver)
     check_workers(workers, cluster)
     check_flag("overwrite", overwrite)
     if out is not None:

@@ -90,7 +90,7 @@ def resume(
         check_function("observe", observe)
     _read_stopped(folder)  # what cannot go on is not locked
     with reclaim_folder(folder):
-        verb, arguments = _call(folder, problem, algorithm)
+        verb, arguments = _call(folder, problem, algorithm, time_limit)
         shown = {"live": live, "workers": workers, "cluster": cluster}
         if verb is not solve:
             del shown["live"]
@@ -103,11 +103,13 @@ def resume(
             return verb(**arguments, **shown, out=StoppedRun(folder), time_limit=time_limit, observe=observe)
 
 
-def _call(folder: Path, problem: Any, algorithm: Any) -> tuple[Callable[..., Front | Plan], dict[str, Any]]:
+def _call(
+    folder: Path, problem: Any, algorithm: Any, time_limit: float | None
+) -> tuple[Callable[..., Front | Plan], dict[str, Any]]:
     """Return the verb that a run began with, and its arguments; raises as ``resume`` does."""
     run = _read_stopped(folder)
     _check_versions(folder, run)
-    problem = named_problem(problem)
+    problem = named_problem(problem, time_limit=time_limit)
     if problem is None:
         how = how_to_name(run.get("problem"))
         raise InvalidInput(f"{folder}: the problem wanted that the run solves, got none; {how}")

@@ -121,7 +121,7 @@ class RunSession(VerbSession):
         """Let the body complete the recording and draw pictures of what a run found; warn where it fails."""
         try:
             yield
-        except Exception as fault:  # a view may fail in any way, also by a function of a user's
+        except (Exception, Interrupted) as fault:  # a view may fail in any way, also by a function of a user's
             text = f"{self.folder}: not all views of this run could be made, which changes no result: {cause_of(fault)}"
             warn_user(text)
 

@@ -23,8 +23,10 @@ from paretoik.api.refine import SearchImprover
 from paretoik.api.review_front import review_front
 from paretoik.api.run_session import RunSession
 from paretoik.api.settings import DEFAULTS, SolveSettings
+from paretoik.api.verb_session import computing
 from paretoik.compilation_notices import computing_clock
-from paretoik.errors import Infeasible, InvalidInput
+from paretoik.errors import Infeasible, InvalidInput, SolverFailed
+from paretoik.execution.time_limit import TimeLimit as CallTimeLimit
 from paretoik.execution.time_limit import check_time_limit
 from paretoik.formulations.closed_loop_arguments import read_steps
 from paretoik.formulations.protocol import has_branches, require_feasible
@@ -58,8 +60,9 @@ class FrontSearch:
                 f"record_steps: a ClosedLoop wanted, whose steps are searches, got {type(problem).__name__}"
             )
         if settings.refine:
-            check_solver(require_program("refine", problem).program(), settings.solver)
             check_time_limit(settings.time_limit)
+            with computing(settings.time_limit):  # users' functions are traced
+                check_solver(require_program("refine", problem).program(), settings.solver)
         elif settings.solver != "auto":
             raise InvalidInput(f"solver: wants refine=True, got {shown(settings.solver)} without it")
         self.problem = problem
@@ -149,18 +152,27 @@ class FrontSearch:
         observe = partial(self._show, session)
         hopeless = _Hopeless(self.problem)
         endings = [*self.endings, _Signal(session), *([hopeless] if self._initial.genes is None else [])]
+        limit = CallTimeLimit(
+            seconds=min((each.seconds for each in endings if isinstance(each, TimeLimit)), default=None)
+        )
         try:
-            status = evolve(
-                search,
-                endings,
-                seconds=self._solve_settings.evaluation_timeout,
-                observe=observe,
-                improve=self.improver,
-            )
+            with limit.limiting_calls():
+                status = evolve(
+                    search,
+                    endings,
+                    seconds=self._solve_settings.evaluation_timeout,
+                    observe=observe,
+                    improve=self.improver,
+                )
         except Exception as error:  # a user's function, or observer, may fail late
             if len(search.archive.F):
                 session.keep_found(self._front(session, type(error).__name__), error)
             raise
+        if limit.late:
+            status = "time limit"
+            if not search.generation:
+                text = f"nothing was found within {limit.seconds:g} s; {limit.late} took longer than that"
+                raise SolverFailed(f"time_limit: {text}")
         front = self._front(session, session.signal or status)
         if not len(front):
             if hopeless.failure is None:

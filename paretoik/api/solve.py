@@ -13,6 +13,7 @@ from paretoik.api.search_front import FrontSearch
 from paretoik.api.settings import SolveSettings
 from paretoik.arrays import Genes
 from paretoik.call_arguments import check_call
+from paretoik.execution.time_limit import limited_evaluations
 from paretoik.formulations.protocol import timeline
 from paretoik.front.front import Front
 from paretoik.inputs import check_flag
@@ -158,20 +159,24 @@ def solve(
         record_steps=record_steps,
     )
     run: FrontSearch | LoopRun = RUNS[timeline(problem)](problem, settings)
-    with run_session(
-        Subject.of(run.problem, reference),
-        verb="solve",
-        settings=run.settings,
-        out=out,
-        overwrite=overwrite,
-        observe=observe,
-        time_limit=settings.time_limit,
-        live=live,
-        resumable=True,
-        workers=workers,
-        cluster=cluster,
-        isolated=evaluation_timeout is not None,
-    ) as session:
+    limited = limited_evaluations(evaluation_timeout)
+    with (
+        limited,
+        run_session(
+            Subject.of(run.problem, reference),
+            verb="solve",
+            settings=run.settings,
+            out=out,
+            overwrite=overwrite,
+            observe=observe,
+            time_limit=settings.time_limit,
+            live=live,
+            resumable=True,
+            workers=workers,
+            cluster=cluster,
+            isolated=evaluation_timeout is not None,
+        ) as session,
+    ):
         front = run.run(session)
         session.finish(front)
         with session.reviewing():

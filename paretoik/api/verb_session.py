@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field
 from signal import SIGINT
 
@@ -65,9 +65,15 @@ class VerbSession:
                 yield
             except Interrupted as stop:
                 if self.signal is None and self.limit.reached:
-                    reason = stop.reason or "a longer one may help"
+                    late = f"{self.limit.late} took longer than that" if self.limit.late else ""
+                    reason = late or stop.reason or "a longer one may help"
                     raise SolverFailed(f"time_limit: nothing was found within {self._given()}; {reason}") from None
                 raise
+
+
+def computing(seconds: float | None) -> AbstractContextManager[None]:
+    """Return a context that computes as ``VerbSession.computing``, before there is a session."""
+    return VerbSession(observe=None, interruption=Interruption()).computing(seconds)
 
 
 @contextmanager

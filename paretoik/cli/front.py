@@ -46,10 +46,10 @@ def front(
         open_observer(not quiet, time_limit=time_limit) as observe,
     ):
         from paretoik.api.epsilon_front import epsilon_front
-        from paretoik.loading import load_problem
+        from paretoik.api.run_problem import named_problem
 
         result = epsilon_front(
-            load_problem(problem),
+            named_problem(problem, time_limit=time_limit),
             points=points,
             starts=starts,
             seed=seed,

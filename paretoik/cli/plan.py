@@ -55,9 +55,9 @@ def plan(
         open_observer(not quiet, time_limit=time_limit) as observe,
     ):
         from paretoik.api.plan import plan as find_plan
-        from paretoik.loading import load_problem
+        from paretoik.api.run_problem import named_problem
 
-        loaded = load_problem(problem)
+        loaded = named_problem(problem, time_limit=time_limit)
         result = find_plan(
             loaded,
             starts=starts,

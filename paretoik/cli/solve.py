@@ -57,11 +57,11 @@ def solve(
         says_how_to_go_on(out, time_limit),
         open_observer(not quiet, time_limit=time_limit) as observe,
     ):
+        from paretoik.api.run_problem import named_problem
         from paretoik.api.solve import solve as solve_problem
-        from paretoik.loading import load_problem
 
         front = solve_problem(
-            load_problem(problem),
+            named_problem(problem, time_limit=time_limit, evaluation_timeout=evaluation_timeout),
             population=population,
             generations=generations,
             points=points,

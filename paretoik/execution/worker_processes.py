@@ -22,6 +22,7 @@ from paretoik.execution.shipping import pickled
 from paretoik.execution.worker import STARTED, Work
 from paretoik.inputs import check_size
 from paretoik.stop_flag import STOP, Interrupted
+from paretoik.user_functions import end_late_verb
 from paretoik.user_warnings import warn_user
 
 LIBRARIES = ("OMP", "OPENBLAS", "MKL", "VECLIB_MAXIMUM", "NUMBA")  # which would have a thread a core
@@ -144,6 +145,7 @@ class _Round:
             busy = {worker.connection: worker for worker in self.processes if worker.places}
             for connection in wait(list(busy), timeout=self._patience()):
                 yield from self._received(busy[connection])  # type: ignore[index]
+            self._end_late_verb()
             for worker in [each for each in self.processes if self._overdue(each)]:
                 yield self._give_up(worker)
             for worker in [each for each in self.processes if each.places and each.is_frozen(self.options.frozen)]:
@@ -184,6 +186,13 @@ class _Round:
     def _overdue(self, worker: _Worker) -> bool:
         limit = self._limit(worker)
         return limit is not None and time.monotonic() >= limit and not worker.connection.poll()
+
+    def _end_late_verb(self) -> None:
+        """Raise Interrupted if the time limit of the verb is over and an item takes longer than it may then."""
+        for worker in self.processes:
+            if worker.places and worker.since is not None:
+                loading = 0.0 if worker.replies else self.options.loading
+                end_late_verb("an evaluation in a worker", time.monotonic() - worker.since - loading)
 
     def _received(self, worker: _Worker) -> Iterator[tuple[int, Reply]]:
         """Yield what a worker has sent; replace one that has ended."""

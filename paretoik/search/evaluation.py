@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
@@ -12,7 +13,7 @@ from jaxtyping import Int
 from paretoik.arrays import Genes
 from paretoik.errors import EvaluationFailed, InvalidInput
 from paretoik.search.candidates import Outcome
-from paretoik.user_functions import cause_of, user_function
+from paretoik.user_functions import cause_of, limited_call, user_function
 
 Rows: TypeAlias = Int[np.ndarray, " _"]  # numbers of rows, as many as there are
 Evaluate: TypeAlias = Callable[[Genes], Mapping[str, Any]]
@@ -62,7 +63,8 @@ def _check_real(name: str, values: Any) -> None:
 def evaluate_rows(problem: Any, evaluate: Evaluate, X: Genes) -> Outcome:
     """Evaluate a batch; if that raises, each row by itself: functions of users may raise anything, for any row."""
     try:
-        with user_function("the problem"):
+        ours = type(problem).__module__.startswith("paretoik.")  # whose users' functions are limited one by one
+        with user_function("the problem"), nullcontext() if ours else limited_call("the problem"):
             return Outcome.of(problem, evaluate(X.copy()), len(X))
     except EvaluationFailed as failure:
         if len(X) <= 1:

@@ -15,7 +15,7 @@ from paretoik.errors import InvalidInput
 from paretoik.inputs import check_choice, check_flag, check_function, check_text
 from paretoik.tables import html_representation
 from paretoik.task.motion import Motion
-from paretoik.user_functions import cause_of, function_name, user_function
+from paretoik.user_functions import cause_of, function_name, limited_call, user_function
 
 Form = Literal["integral", "peak", "terminal", "general"]
 Function = Callable[[Motion], np.ndarray]
@@ -123,7 +123,7 @@ def evaluate_function(name: str, function: Function, motion: Motion, form: Form)
     of_times = form in ("integral", "peak")
     shape = motion.q.shape[:-1] if of_times else motion.q.shape[:-2]
     wish = f"({form}) must return shape {'(*batch, time)' if of_times else '(*batch,)'}, here {shape}"
-    with user_function(name):
+    with user_function(name), limited_call(name):
         values = function(motion)
     if values is None:
         raise InvalidInput(f"{name} {wish}, got None (is a return missing?)")

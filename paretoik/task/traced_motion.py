@@ -28,7 +28,7 @@ from paretoik.task.distances import distance_components
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.task import Task, path_jacobian
-from paretoik.user_functions import user_function
+from paretoik.user_functions import limited_call, user_function
 
 
 @dataclass(frozen=True, eq=False)
@@ -250,7 +250,7 @@ def trace_motion_function(
     shape = motion.time.shape if form in ("integral", "peak") else ()
     wish = f"(time,), here {shape}," if shape else "()"
     try:
-        with user_function(name):
+        with user_function(name), limited_call(name):
             value = function(motion)
         array = value if isinstance(value, TracedArray) else np.asarray(value)
         if array.dtype.kind not in "fiub":
@@ -268,7 +268,7 @@ def trace_sample_function(motion: TracedMotion, name: str, function: Callable[[A
     Raises, by ``name``, InvalidInput for a function without derivatives, EvaluationFailed for one that raises.
     """
     try:
-        with user_function(name):
+        with user_function(name), limited_call(name):
             value = function(motion)
         return _sample_value(motion, value)
     except NotLocal:
