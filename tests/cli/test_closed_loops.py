@@ -47,7 +47,7 @@ def test_loops_are_listed_followed_and_chosen_from_anew(paretoik, loops, tmp_pat
     weighed = "--weights", "position_error=1", "--out", tmp_path / "other", "--quiet", "--json"
     chosen = paretoik("select", tmp_path / "run", *weighed)
     assert chosen.err == ""
-    other = pk.Front.load(tmp_path / "other", None)
+    other = pk.Front.load(tmp_path / "other")
     assert json.loads(chosen.out)["objectives"]["position_error"] == other.objectives[0, 1]
     assert other.provenance["settings"]["weights"] == {"joint_displacement": 0.0, "position_error": 1.0}
     assert other.provenance["settings"]["seed"] == 2

@@ -387,8 +387,10 @@ def test_joints_that_are_all_clamped_are_pushed_off_their_limits_all_the_same():
     assert np.abs(np.diff(motion.q, axis=0)).max() <= 1.0 + 1e-12
 
 
-def test_criteria_may_be_one_objective_or_come_from_a_generator():
-    forms = [pk.manipulability, (one for one in [pk.manipulability]), [Criterion(objective=pk.manipulability)]]
+def test_criteria_may_be_one_objective_or_a_list_and_no_generator():
+    with pytest.raises(InvalidInput, match=r"criteria: objectives .* wanted, got <generator"):
+        pk.methods.GradientProjection(criteria=(one for one in [pk.manipulability]))
+    forms = [pk.manipulability, (pk.manipulability,), [Criterion(objective=pk.manipulability)]]
     motions = [
         pk.resolve(tringali_3r(), DOWN, pk.methods.GradientProjection(criteria=each), start=START) for each in forms
     ]
