@@ -146,10 +146,15 @@ def limited_call(name: str, *, loads: bool = False) -> Iterator[None]:
 
 
 def is_ctrl_c(error: BaseException) -> bool:
-    """Return whether an error is a KeyboardInterrupt that no code raised by itself, or ours after a signal."""
-    trace = error.__traceback__
+    """Return whether an error is a KeyboardInterrupt after a signal, not one that a user's code raised by itself."""
+    handler: Any = signal.getsignal(signal.SIGINT)
+    while isinstance(handler, partial):
+        handler = handler.func
+    code, trace = getattr(handler, "__code__", None), error.__traceback__
     while trace is not None and trace.tb_next is not None:
         trace = trace.tb_next
+        if code is not None and trace.tb_frame.f_code is code:  # a handler in Python, as asyncio has one
+            return True
     if isinstance(error, Interrupted) or not isinstance(error, KeyboardInterrupt) or trace is None:
         return isinstance(error, Interrupted)
     return trace.tb_frame.f_code.co_code[trace.tb_lasti] != opmap["RAISE_VARARGS"]

@@ -74,7 +74,7 @@ class ControlStep(Formulation):
         If the arm is singular in ``q``, or its joints may not move far enough to reach the target.
 
     >>> import paretoik as pk
-    >>> path = pk.line([2.0, 0.5], [2.0, 0.6], duration=0.01, samples=11)
+    >>> path = pk.line([2.495, 0.627], [2.495, 0.7], duration=0.01, samples=11)
     >>> step = pk.ControlStep(pk.arms.marcos_nr(3), path, [-0.5, 0.9, 0.4])
     >>> step.decode(np.full((1, step.n_var), 0.5)).q.shape
     (1, 4, 3)

@@ -16,7 +16,7 @@ import numpy as np
 from paretoik.arrays import Matrix3, Vector3
 from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput, InvalidRobot
-from paretoik.inputs import check_choice, check_flag, check_mapping, file_path, shown
+from paretoik.inputs import check_choice, check_flag, check_mapping, check_text, file_path, shown
 from paretoik.robot.arm import EARTH_GRAVITY, Arm
 from paretoik.robot.arm_inputs import JointType
 from paretoik.robot.body import Body, combine_bodies, inertia_fault, nearest_inertia, transform_body
@@ -71,6 +71,9 @@ def check_robot(
     """
     file = file_path("file", file)
     fixed = _check_options(fixed, soft, repair_inertias)
+    for name, link in (("base", base), ("tip", tip)):
+        if link is not None:
+            check_text(name, link)
     try:
         robot = read_robot(file)
     except InvalidRobot as error:
@@ -79,7 +82,7 @@ def check_robot(
     if robot.faults:
         return RobotReport(file=file, faults=robot.faults, warnings=robot.warnings, summary=tuple(summary))
     summary.append(f"root {robot.roots[0]}, leaves {', '.join(robot.leaves)}")
-    trunk = robot.trunk(base or robot.roots[0])
+    trunk = robot.trunk(robot.roots[0] if base is None else base)
     if tip is None and trunk[-1] not in robot.leaves:
         chain = select_chain(str(file), robot, base, trunk[-1], fixed, soft=soft)
         summary.append(f"several leaves: name one as tip to see its chain{_trunk_text(chain)}")

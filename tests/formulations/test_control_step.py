@@ -185,12 +185,13 @@ def total(step):
     return step.motion.q.sum()
 
 
+ELBOW = [np.cos(posture(3)[0]), np.sin(posture(3)[0])]  # m, the end of the first link
 NOT_OF_A_STEP = {
     "sample must be at most 6, the path's last, got 7": {"sample": 7},
     "sample: an integer of at least 1": {"sample": 0},
     r"q must have shape \(3,\) or \(rows, 3\), got \(2,\)": {"q": [0.0, 1.0]},
     "q: joint1 must lie within -3 to 3, got 4": {"q": [4.0, 0.3, 0.3], "limits": pk.Limits(position=3.0)},
-    "q: must be clear of obstacles, got -": {"obstacles": [pk.obstacles.Circle([0.5, 0.2], 1.0)]},
+    "q: must be clear of obstacles, got -": {"obstacles": [pk.obstacles.Circle(ELBOW, 0.1)]},
     "home": {"home": [0.0]},
     "limits: of position, velocity and clearance wanted in a control step, got torque": {
         "limits": pk.Limits(torque=1.0)

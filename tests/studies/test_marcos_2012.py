@@ -126,7 +126,7 @@ def test_figures_are_drawn_of_what_is_there(tmp_path):
 def test_quick_writes_strict_json(tmp_path, monkeypatch):
     monkeypatch.setattr(study, "QUICK_STEPS", 4)
     monkeypatch.setattr(study, "STEPS", 4)
-    monkeypatch.setattr(study, "find_starts", lambda selection, seed, executor: {(3, 0.7): posture(3)})
+    monkeypatch.setattr(study, "find_starts", lambda selection, seed, executor: {(n, 0.7): posture(n) for n in (3, 4)})
     file = tmp_path / "rows.json"
     study.main(["--quick", "--json", str(file), "--out", str(tmp_path / "pictures")])
     rows = json.loads(file.read_text())

@@ -86,7 +86,7 @@ def test_the_paper_s_global_optimum_of_trajectory_4_is_one_of_ours_but_not_the_b
 
 def test_speeds_and_radii_stand_beside_the_papers(trajectories):
     rows = [row for one in trajectories for row in text_rows(one)]
-    assert len(rows) == 18
+    assert len(rows) == 19
     speeds = [row for row in rows if row.unit == "rad/s" and row.row != "trajectory 2"]
     assert all(abs(row.ours / row.reference - 1) < 0.12 for row in speeds)
     ahead, local = singularity_rows(trajectories)

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from paretoik.execution.child_environment import child_command
 from paretoik.front.front import Front
 from paretoik.review.recording.recorder import Generation, Recorder, SearchedFront, SearchEnd
 from paretoik.review.recording.recording_process import RecorderOptions, part_of
@@ -264,12 +265,14 @@ def test_of_a_queue_that_grows_too_long_evenly_spread_generations_are_kept(tmp_p
 
 
 def test_rerun_that_is_missing_is_warned_of_and_the_run_goes_on(tmp_path, monkeypatch):
-    (tmp_path / "empty" / "rerun").mkdir(parents=True)
-    (tmp_path / "empty" / "rerun" / "__init__.py").write_text("raise ModuleNotFoundError(\"No module named 'rerun'\")")
-    monkeypatch.syspath_prepend(tmp_path / "empty")
+    def without_rerun(module):
+        *command, code = child_command(module)
+        return [*command, f"import sys; sys.modules['rerun'] = None; {code}"]
+
+    monkeypatch.setattr("paretoik.review.recording.recording_process.child_command", without_rerun)
     started = recorder(tmp_path / "review.rrd")
     started.record(generation(1))
-    with pytest.warns(RuntimeWarning, match="the run goes on: No module named 'rerun'"):
+    with pytest.warns(RuntimeWarning, match="the run goes on: import of rerun halted"):
         started.close()
     assert not (tmp_path / "review.rrd").exists()
 

@@ -290,7 +290,7 @@ def test_ipopts_program_by_splines_ends_where_ours_does_below_a_peak_too():
         end, _ = peer.solve(q, 0, np.array([np.inf, values[1]]), ranges, warm=True)
         assert end is not None
         rise = (objectives(problem.task, end) - values) / ranges
-        assert abs(rise[0]) <= 2e-6
+        assert -2e-4 <= rise[0] <= 2e-6  # ours keep their limits by 2.5e-5 of their ranges, IPOPT's reach them
         assert rise[1] <= 1e-6
 
 
