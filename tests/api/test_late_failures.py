@@ -81,7 +81,7 @@ def test_an_observer_that_raises_in_any_stage_is_named_and_loses_nothing(verb, t
     stages = list[str]()
     quick(verb, tmp_path / "whole", lambda progress: stages.append(progress.stage))
     lasting = None
-    for number, stage in enumerate(dict.fromkeys(each for each in stages if each != "compiling")):
+    for number, stage in enumerate(dict.fromkeys(each for each in stages if each != "compilation")):
         count = stages.count(stage)
         for last in {1, count}:
             seen = list[str]()
