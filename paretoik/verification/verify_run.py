@@ -9,6 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from paretoik.execution.computation import computed_text
+from paretoik.stop_flag import check_interruption
 from paretoik.verification.arm_model import ArmModel, build_model
 from paretoik.verification.between_checks import check_between, finer_motion, project_curve
 from paretoik.verification.capability_checks import check_point_to_point, check_polygon, check_standing, check_tool_path
@@ -75,9 +76,13 @@ def _collect(checks: Iterator[Check]) -> list[Check]:
 
 
 def _count_points(checks: Iterator[Check], total: int, show: Show | None) -> Iterator[Check]:
-    """Yield checks, which come point by point, and show how many points all checks were made of."""
+    """Yield checks, which come point by point, and show how many points all checks were made of.
+
+    Raises Interrupted if ``show`` asks to stop.
+    """
     seen = set[int]()
     for each in checks:
+        check_interruption()
         yield each
         if show is not None and each.point is not None and each.point not in seen:
             show(len(seen), total)

@@ -112,6 +112,20 @@ def test_an_observer_learns_how_many_points_are_checked(good_run):
     assert len(pk.verify(folder, problem, observe=False).rows) == count
 
 
+def test_an_observer_that_raises_ends_the_verification_at_once(good_run):
+    folder, problem, _ = good_run("search")
+    shown = []
+
+    def watch(progress):
+        shown.append(progress.done)
+        raise LookupError("no more")
+
+    with pytest.raises(pk.InvalidInput, match="observe raised LookupError: no more"):
+        pk.verify(folder, problem, observe=watch)
+    assert shown == [0]
+    assert pk.verify(folder, problem, observe=False).rows  # no flag is left
+
+
 MINE = '''
 import numpy as np
 import paretoik as pk
