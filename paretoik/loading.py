@@ -13,7 +13,6 @@ from types import ModuleType
 from typing import Any, TypeGuard
 
 from paretoik.errors import InvalidInput, ParetoikError
-from paretoik.formulations.protocol import timeline
 from paretoik.inputs import is_integer, likely_spelling, listed, shown
 from paretoik.missing_files import missing_file
 from paretoik.shell_command import shell_command
@@ -184,7 +183,7 @@ def _unannotated(module: ModuleType) -> list[str]:
 def _is_factory(value: object, module: ModuleType) -> bool:
     """Return whether a value may be called for a problem: the file's own function, or what says that it makes one."""
     if inspect.isclass(value):
-        return _is_problem_class(value)
+        return hasattr(value, "evaluate")
     function = _function_of(value)
     return function is not None and (function.__module__ == module.__name__ or _returns_problem(function))
 
@@ -209,11 +208,7 @@ def _returns_problem(value: Callable[..., Any]) -> bool:
         returned = inspect.signature(value, eval_str=True).return_annotation
     except Exception:  # an annotation that means nothing outside a type checker
         return False
-    return inspect.isclass(returned) and _is_problem_class(returned)
-
-
-def _is_problem_class(kind: type) -> bool:
-    return hasattr(kind, "evaluate") or timeline(kind) == "step"
+    return inspect.isclass(returned) and hasattr(returned, "evaluate")
 
 
 def _is_own_factory(value: object, module: ModuleType) -> TypeGuard[Callable[..., Any]]:
@@ -251,9 +246,8 @@ def _required_arguments(function: Any) -> list[str]:
 
 
 def _is_problem(value: object) -> bool:
-    is_one = attribute_of(value, "evaluate") is not None or attribute_of(value, "timeline") == "step"
-    numbers = [attribute_of(value, name) for name in ("n_var", "n_obj")]
-    return is_one and not inspect.isclass(value) and all(map(is_integer, numbers))
+    is_one = not inspect.isclass(value) and attribute_of(value, "evaluate") is not None
+    return is_one and all(is_integer(attribute_of(value, name)) for name in ("n_var", "n_obj"))
 
 
 def _summary(error: BaseException, file: str | None) -> str:

@@ -129,11 +129,12 @@ class Differentiable(Protocol):
 def timeline(problem: Any) -> Timeline:
     """Return what a run of a problem counts: the generations of a search, or the steps of a loop.
 
+    A pymoo problem may have a ``timeline`` of its own, which is not text: it is searched.
     Raises InvalidInput if the problem raises when it is asked for an attribute that it may lack.
     """
     with user_function("problem: a pymoo problem wanted, got one whose attributes cannot be read: it", InvalidInput):
-        kind: Timeline = getattr(problem, "timeline", "generation")
-    return kind
+        kind = getattr(problem, "timeline", None)
+    return "step" if isinstance(kind, str) and kind == "step" else "generation"
 
 
 def is_loop(front: Front) -> bool:

@@ -32,6 +32,14 @@ def test_a_plain_problem_is_searched_and_has_no_motions_branches_or_preferences(
         protocol.encode(PLAIN, None)
 
 
+@pytest.mark.parametrize("odd", [5, None, "steps", np.arange(3), "generation"])
+def test_a_pymoo_problem_is_searched_with_a_timeline_of_its_own(odd):
+    problem = ZDT1(n_var=3)
+    problem.timeline = odd
+    assert protocol.timeline(problem) == "generation"
+    assert len(pk.solve(problem, population=8, generations=1))
+
+
 def test_the_limit_that_is_violated_most_is_named():
     violation = np.array([0.1, 0.5])
     assert protocol.explain_violation(PLAIN, np.zeros((1, 3)), violation) == (
