@@ -19,6 +19,8 @@ ROOT = Path(__file__).parents[2]
 PANDA = str(ROOT / "problems" / "robots" / "panda.urdf")
 SMALL = ("--population", "8", "--generations", "3")
 MINE = """
+import time
+
 from paretoik import Limits, Tracking, kinetic_energy, line, objective, torque_norm
 from paretoik.robot.arms import tringali_3r
 
@@ -47,6 +49,13 @@ def impossible() -> Tracking:
 
 def failing() -> Tracking:
     return tracking(kinetic_energy, worn)
+
+@objective(unit="", form="general")
+def asleep(motion):
+    time.sleep(60)
+
+def sleeping() -> Tracking:
+    return tracking(kinetic_energy, asleep)
 
 def talking() -> Tracking:
     print("hello")

@@ -94,6 +94,16 @@ def test_a_time_limit_keeps_the_result_and_ends_with_5(paretoik, mine, tmp_path)
     assert strict(again.out)["resume"] == command
 
 
+@pytest.mark.parametrize("option", ["--time-limit", "--evaluation-timeout"])
+def test_an_objective_that_sleeps_is_ended_by_name_within_its_time(paretoik, mine, tmp_path, option):
+    began = time.monotonic()
+    ended = paretoik("solve", f"{mine}:sleeping", "--out", tmp_path / "run", *SMALL, "--quiet", option, "0.2")
+    assert time.monotonic() - began < 30
+    assert (ended.code, ended.out) == (4, "")
+    assert "objective asleep took longer than" in ended.err
+    assert ended.err.count("\n") == 1
+
+
 def test_a_run_that_came_to_its_end_names_no_command_that_goes_on(paretoik, mine, tmp_path):
     words = "solve", f"{mine}:good", "--out", tmp_path / "run", *SMALL, "--quiet"
     assert "resume" not in paretoik(*words).out
