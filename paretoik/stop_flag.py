@@ -18,11 +18,12 @@ watched = False  # whether a signal sets it at once, while compiled code runs in
 class Interrupted(KeyboardInterrupt):
     """A signal came.
 
-    ``partial`` is what a solver had by then, if anything, ``reason`` which limits did not hold yet.
+    ``partial`` is what a solver had by then, if anything, ``reason`` which limits did not hold yet, of which
+    least-violating ``motion``.
     """
 
     def __init__(self, partial: Any = None, reason: str = "") -> None:
-        self.partial, self.reason = partial, reason
+        self.partial, self.reason, self.motion = partial, reason, None
         super().__init__("interrupted")
 
 

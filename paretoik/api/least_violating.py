@@ -18,6 +18,7 @@ from paretoik.review.recording.recorded_point import RecordedPoint, record_motio
 from paretoik.review.recording.recorder import SearchEnd
 from paretoik.search.ask_tell import Search
 from paretoik.search.islands import Islands
+from paretoik.stop_flag import Interrupted
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 
@@ -66,12 +67,19 @@ def limit_words(task: MotionTask, motion: Motion) -> tuple[str, ...]:
 def infeasible_recorded(
     session: RunSession, problem: Any, end: Callable[[LeastViolating], PlanEnd | SearchEnd]
 ) -> Iterator[None]:
-    """Let a body that finds no feasible motion complete the recording, with the ``end`` of the least-violating one."""
+    """Let a body that finds no feasible motion complete the recording, with the ``end`` of the least-violating one.
+
+    So it does if a signal or the time limit ends it before there is one.
+    """
     try:
         yield
-    except Infeasible as failure:
-        nearest = nearest_motion(problem, failure)
-        finish_infeasible(session, problem, failure, nearest, end(nearest))
+    except (Infeasible, Interrupted) as error:
+        failure = error if isinstance(error, Infeasible) else Infeasible(error.reason, motion=error.motion)
+        if failure is error or failure.motion is not None:
+            nearest = nearest_motion(problem, failure)
+            finish_infeasible(session, problem, failure, nearest, end(nearest))
+        if failure is not error and failure.motion is not None:
+            error.add_note(f"by then there was {failure}")
         raise
 
 

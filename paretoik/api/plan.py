@@ -126,7 +126,7 @@ def plan(
         initial = remembered_motions(problem, initial)
         display = PlanDisplay(session, problem)
         recorded = infeasible_recorded(session, problem, display.infeasible_end)
-        with recorded, session.computing(time_limit):
+        with session.computing(time_limit), recorded:
             plan = find_optima(starts=starts, seed=seed, initial=initial, solver=solver, observe=display.show_level)
         counts = {"optima": len(plan.optima), "starts": plan.starts, "seconds": round(session.seconds, 3)}
         ending = {"status": session.stopped_by or "optima", "counts": counts, **plan.provenance}

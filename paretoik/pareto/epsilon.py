@@ -55,11 +55,12 @@ def epsilon_points(
     initial = feasible_points(natural, initial)
     initial = None if initial is None or not len(initial) else initial
     alone = list[Points]()
-    with suppress(Interrupted):
+    try:
         for k in range(n_obj):
             alone.append(optima_alone(program_of, cold, k, n_obj, initial, solver))
-    if not alone:
-        raise Interrupted
+    except Interrupted:
+        if not alone:
+            raise
     best = np.stack([optima[0] for optima in alone])
     payoff = np.stack([natural.evaluate(x)[0][:n_obj] for x in best])
     sizes = objective_sizes(natural, best, n_obj)

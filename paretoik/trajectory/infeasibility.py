@@ -25,7 +25,7 @@ from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.obstructed_path import obstructed_sample
 from paretoik.task.retraction import ON_PATH_TOLERANCE, retract_nearest, task_errors
-from paretoik.trajectory.level_progress import LevelProgress, ObserveLevel
+from paretoik.trajectory.level_progress import LevelProgress, ObserveLevel, at_samples
 from paretoik.trajectory.levels import OPTIONS as LEVELS
 from paretoik.trajectory.levels import coarsest_level, distinct_rows, first_levels, resample
 from paretoik.trajectory.plan_starts import sample_travelling, squared_velocity
@@ -184,7 +184,7 @@ def infeasible_error(
         place = level.worst_instant(level.limit_names.index("clearance"), motion)
         pair = closest_pair(level.obstacles, motion.instants.links[place], level.link_radius)
         message, limit = f"{message}, though there is one without the obstacles (closest: {pair})", "clearance"
-    numbers, full = np.searchsorted(task.times, level.times), _at_samples(task, motion)
+    numbers, full = np.searchsorted(task.times, level.times), at_samples(task, motion)
     proved = _proof_text(task, full, sample)
     if proved:
         message = "no motion can keep the limits"
@@ -242,16 +242,6 @@ def _proof_text(task: MotionTask, motion: Motion, sample: int | None) -> str:
         samples += [int(np.argmax(pace)), *np.linspace(0, len(task.times) - 1, OPTIONS.proofs + 2).astype(int)[1:-1]]
     proved = next((each for each in samples if no_posture_keeps_limits(task, each)), None)
     return "" if proved is None else f" (proved: no posture at sample {proved}, {task.times[proved]:.3g} s, does)"
-
-
-def _at_samples(task: MotionTask, motion: Motion) -> Motion:
-    """Return a motion of a coarser level at the task's own samples, as far as it stays on the path there."""
-    if motion.q.shape[-2] == len(task.times):
-        return motion
-    try:
-        return task.motion(motion.at(task.times))
-    except Infeasible:
-        return motion
 
 
 def _sample_without_posture(task: MotionTask, rollouts: JointPaths) -> int | None:

@@ -11,8 +11,9 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from paretoik.arrays import JointPaths
-from paretoik.errors import ParetoikError
+from paretoik.errors import Infeasible, ParetoikError
 from paretoik.stop_flag import Interrupted
+from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 
 
@@ -40,7 +41,8 @@ class LevelProgress:
         """Say which limits the least-violating motion breaks, samples numbered as in a task; "" of a feasible one."""
         if self.feasible or not len(self.optima):
             return ""
-        return _describe_violation(self.task, self.optima[0], np.searchsorted(task.times, self.task.times))
+        motion = self.task.motion(self.optima[0])
+        return _in_words(self.task.describe_violation(motion, np.searchsorted(task.times, self.task.times)))
 
 
 ObserveLevel: TypeAlias = Callable[[LevelProgress], object]
@@ -50,7 +52,7 @@ ObserveLevel: TypeAlias = Callable[[LevelProgress], object]
 def explained_interruption(
     task: MotionTask, rollouts: JointPaths, observe: ObserveLevel | None
 ) -> Iterator[ObserveLevel]:
-    """Let a body search for optima: if a signal ends it, the exception says which limits did not hold yet.
+    """Let a body search for optima: if a signal ends it, the exception has the motion and limits that did not hold yet.
 
     The body gets what it has to call after each level, ``observe`` with it. Before any level is done, the first of
     ``rollouts``, which violates limits least, counts.
@@ -65,13 +67,25 @@ def explained_interruption(
     try:
         yield show
     except Interrupted as stop:
+        if stop.reason:  # a call of a user's function that was ended
+            raise
         with suppress(ParetoikError):  # a user's constraint may fail there
-            stop.reason = seen[-1].describe_violation(task) if seen else _describe_violation(task, rollouts[0])
+            start = task.motion(rollouts[0])
+            stop.reason = seen[-1].describe_violation(task) if seen else _in_words(task.describe_violation(start))
+            if stop.reason:
+                stop.motion = at_samples(task, seen[-1].task.motion(seen[-1].optima[0])) if seen else start
         raise
 
 
-def _describe_violation(
-    task: MotionTask, q: Float[np.ndarray, "samples dof"], numbers: np.ndarray | None = None
-) -> str:
-    words = task.describe_violation(task.motion(q), numbers)
-    return words and f"no motion within the limits so far; of the least-violating one, {words}"
+def at_samples(task: MotionTask, motion: Motion) -> Motion:
+    """Return a motion of a coarser level at the task's own samples, as far as it stays on the path there."""
+    if motion.q.shape[-2] == len(task.times):
+        return motion
+    try:
+        return task.motion(motion.at(task.times))
+    except Infeasible:
+        return motion
+
+
+def _in_words(violation: str) -> str:
+    return violation and f"no motion within the limits so far; of the least-violating one, {violation}"

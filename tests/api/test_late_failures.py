@@ -122,13 +122,23 @@ def test_an_observer_that_raises_ends_the_search_and_keeps_the_front(tmp_path):
     assert np.array_equal(resumed.objectives, pk.solve(Parabolas(), **SIZES).objectives)
 
 
-def test_a_signal_during_a_hopeless_search_keeps_the_diagnosis(tmp_path):
+HOPELESS = {
+    "solve": (lambda **options: pk.solve(tracking(velocity=1e-3), **SIZES, **options), "generation"),
+    "plan": (lambda **options: pk.plan(tracking(pk.kinetic_energy, velocity=1e-3), **options), "sample"),
+    "epsilon_front": (lambda **options: pk.epsilon_front(tracking(velocity=1e-3), **options), "optimum"),
+}
+
+
+@pytest.mark.parametrize("verb", HOPELESS)
+def test_a_signal_during_a_hopeless_search_keeps_the_diagnosis(verb, tmp_path):
+    run_verb, stage = HOPELESS[verb]
+
     def watch(progress):
-        if progress.stage == "generation" and progress.done == 1:
+        if progress.stage == stage:
             signal.raise_signal(signal.SIGTERM)
 
     with pytest.raises(SystemExit) as stopped:
-        pk.solve(tracking(velocity=1e-3), **SIZES, out=tmp_path / "run", observe=watch)
+        run_verb(out=tmp_path / "run", observe=watch)
     run = read_run(tmp_path / "run" / RUN)
     (note,) = stopped.value.__notes__
     assert "by then there was no motion within the limits" in note
