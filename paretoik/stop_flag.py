@@ -23,7 +23,8 @@ class Interrupted(KeyboardInterrupt):
     """
 
     def __init__(self, partial: Any = None, reason: str = "") -> None:
-        self.partial, self.reason, self.motion = partial, reason, None
+        self.partial, self.reason = partial, reason
+        self.motion: Any = None
         super().__init__("interrupted")
 
 

@@ -18,8 +18,9 @@ class RunProgress:
     """What has been done of a verb's present stage.
 
     ``stage`` says what is counted: "generation" of a search, "step" of a closed loop, "sample" to which the levels of a
-    plan have come, "optimum" of the starts (or samples) from which an ε-front begins, "point" of an ε-front (or, both,
-    of a search with ``refine`` once its points are refined), "refinement", "tightening" (of limits between samples),
+    plan have come, "optimum" of the starts (or samples) of each objective's own plan, which ``summary`` names, "point"
+    of an ε-front (or, both, of a search with ``refine`` once its points are refined), "refinement", "tightening" (of
+    limits between samples),
     "certification" of a front's points and their "verification". ``done`` of at most ``total`` are done; a stage
     without counts ("beginning", "compilation", "saving", "recording") has a total of 0. ``seconds`` have passed since
     the stage began, those of compilation not counted, about ``remaining`` will until the verb ends; None where that

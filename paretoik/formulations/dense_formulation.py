@@ -129,7 +129,7 @@ class DenseFormulation(Formulation):
                 break
             x = np.concatenate([x, self.points(self.sample_starts(starts, rng))])
         x = x[np.isfinite(x).all(axis=1)][:starts]
-        return StartSearch(program_of=self.program, starts=x, n_obj=self.n_obj, solver=solver, observe=observe)
+        return StartSearch(program_of=self.program, starts=x, names=self.names, solver=solver, observe=observe)
 
     def explain(self, genes: Genes) -> list[str]:
         """Return for each individual which limit is violated most, with its unit; "" where none is."""

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -64,14 +64,19 @@ class ColdSearch(Protocol):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StartSearch:
-    """Minimises from every one of ``starts``; a ``ColdSearch``."""
+    """Minimises from every one of ``starts``; a ``ColdSearch``. ``names`` are those of the objectives."""
 
     program_of: Callable[[Float[np.ndarray, " n_obj"]], Program]
     starts: Points
-    n_obj: int
+    names: Sequence[str]
     solver: Solver = "auto"
     observe: Observe | None = None
     multimodal: bool = True
+
+    @property
+    def n_obj(self) -> int:
+        """Number of objectives."""
+        return len(self.names)
 
     def optima(self, objective: int) -> Points:
         """Return the local optima of one objective, nearly alone, best first.
@@ -82,7 +87,8 @@ class StartSearch:
         values = np.array([natural.evaluate(x)[0][: self.n_obj] for x in self.starts]).reshape(-1, self.n_obj)
         sizes = np.median(np.abs(values), axis=0) if len(values) else np.ones(self.n_obj)
         program = self.program_of(np.where(sizes > 0, sizes, 1.0))
-        solutions = self.optima_below(program, objective, np.full(self.n_obj, np.inf), OPTIONS.weight)
+        alone = replace(self, observe=naming_objective(self.observe, self.names, objective))
+        solutions = alone.optima_below(program, objective, np.full(self.n_obj, np.inf), OPTIONS.weight)
         if not len(solutions):
             raise SolverFailed("epsilon_front: a start that leads to a point within all limits wanted, found none")
         return solutions.x
@@ -109,6 +115,17 @@ class StartSearch:
             solutions = solutions.replace_rows(failed, solve(self.starts[failed], OPTIONS.second_barrier))
         merit = np.where(solutions.converged, solutions.objectives[:, : self.n_obj] @ weights[0], np.inf)
         return solutions[np.argsort(merit, kind="stable")[: int(solutions.converged.sum())]]
+
+
+def naming_objective(observe: Observe | None, names: Sequence[str], objective: int) -> Observe | None:
+    """Return an observer that is told which objective of how many is planned."""
+    words = f"{names[objective]} ({objective + 1} of {len(names)})"
+
+    def show(done: int, total: int, summary: str = "") -> object:
+        assert observe is not None
+        return observe(done, total, f"{words}, {summary}" if summary else words)
+
+    return None if observe is None else show
 
 
 def optima_alone(

@@ -12,6 +12,7 @@ from paretoik.arrays import JointPaths
 from paretoik.errors import Infeasible
 from paretoik.nlp.program import Program, Solver
 from paretoik.nlp.solutions import Solutions
+from paretoik.pareto.cold_search import naming_objective
 from paretoik.pareto.epsilon_options import OPTIONS as EPSILON
 from paretoik.pareto.scalarisation import Observe
 from paretoik.task.motion_task import MotionTask
@@ -42,7 +43,9 @@ class MotionColdSearch:
     def optima(self, objective: int) -> Float[np.ndarray, "optima time dof"]:
         """Return the local optima of one objective alone, best first. Raises what ``find_optima`` does."""
         alone = replace(self.task, objectives=(self.task.objectives[objective],))
-        with explained_interruption(alone, self.rollouts, self._show) as show:
+        names = [each.name for each in self.task.objectives]
+        named = replace(self, observe=naming_objective(self.observe, names, objective))
+        with explained_interruption(alone, self.rollouts, named._show) as show:
             plan = find_optima(
                 alone, starts=self.starts, seed=self.seed, solver=self.solver, observe=show, rollouts=self.rollouts
             )

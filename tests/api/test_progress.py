@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from functools import partial
 from importlib import import_module
 
 import pytest
@@ -102,5 +103,15 @@ def test_the_starts_of_postures_are_counted():
     )
     seen: list[RunProgress] = []
     pk.epsilon_front(problem, points=3, starts=6, observe=seen.append)
-    counts = [(one.done, one.total) for one in seen if one.stage == "optimum"]
-    assert counts[:4] == [(4, 6), (6, 6), (4, 6), (6, 6)]
+    counts = [(one.done, one.total, one.summary) for one in seen if one.stage == "optimum"]
+    first, second = (f"{name} ({k} of 2)" for k, name in enumerate(problem.names, 1))
+    assert counts == [(4, 6, first), (6, 6, first), (4, 6, second), (6, 6, second)]
+
+
+def test_a_front_says_which_objective_is_planned():
+    searched = partial(pk.solve, tracking(), population=8, generations=2, points=2, refine=True)
+    for run in (partial(pk.epsilon_front, tracking(), starts=4, points=3), searched):
+        seen: list[RunProgress] = []
+        run(observe=seen.append)
+        words = [one.summary.partition(", ")[0] for one in seen if one.stage == "optimum"]
+        assert list(dict.fromkeys(words)) == ["kinetic_energy (1 of 2)", "torque_norm (2 of 2)"]

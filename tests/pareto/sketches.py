@@ -38,7 +38,11 @@ def scaled(program, scales):
 
 def swept(program, starts, **settings):
     """The points of an ε-sweep from these starts, and the ranges."""
-    cold = StartSearch(program_of=lambda scales: scaled(program, scales), starts=starts, n_obj=len(program.costs))
+    cold = StartSearch(
+        program_of=lambda scales: scaled(program, scales),
+        starts=starts,
+        names=tuple(map(str, range(len(program.costs)))),
+    )
     return epsilon_points(lambda scales: scaled(program, scales), cold, len(program.costs), **settings)
 
 

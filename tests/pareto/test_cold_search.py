@@ -26,7 +26,7 @@ def two_valleys():
 
 def search():
     starts = np.random.default_rng(0).uniform(-2, 2, (12, 4))
-    return StartSearch(program_of=partial(scaled, two_valleys()), starts=starts, n_obj=2)
+    return StartSearch(program_of=partial(scaled, two_valleys()), starts=starts, names=("first", "second"))
 
 
 def test_the_optima_of_one_objective_come_best_first():
@@ -54,7 +54,9 @@ def bounded_valleys(upper=2.0):
 
 def search_from(program, starts, **settings):
     x = np.concatenate([starts[:, None], np.zeros((len(starts), 2))], axis=1)
-    return StartSearch(program_of=lambda scales: scaled(program, scales), starts=x, n_obj=2, **settings)
+    return StartSearch(
+        program_of=lambda scales: scaled(program, scales), starts=x, names=("first", "second"), **settings
+    )
 
 
 def test_below_a_bound_on_the_other_objective_optima_lie_on_it():
@@ -74,8 +76,7 @@ def test_batches_of_starts_are_shown():
         observe=lambda *counts: seen.append(counts),
     )
     assert len(cold.optima(0)) == 5
-    assert seen[-1] == (5, 5)
-    assert [done for done, _ in seen] == [4, 5]
+    assert seen == [(4, 5, "first (1 of 2)"), (5, 5, "first (1 of 2)")]
 
 
 def test_where_no_start_leads_within_the_limits_that_is_said():
@@ -88,7 +89,7 @@ def test_initial_points_lead_to_an_optimum_where_the_others_are_small_too():
     program = sketched(
         2, lambda x: [x[0] ** 2, (x[0] - 1) ** 2 + x[1] ** 2], lambda x: ([], [5 - x[0], 5 + x[0], 5 - x[1], 1 + x[1]])
     )
-    nothing = StartSearch(program_of=partial(scaled, program), starts=np.empty((0, 4)), n_obj=2)
+    nothing = StartSearch(program_of=partial(scaled, program), starts=np.empty((0, 4)), names=("first", "second"))
     initial = np.array([[0.5, 3.0, 0.25, 9.25]])
     x = optima_alone(partial(scaled, program), nothing, 0, 2, initial, "auto")
     assert x[0, :2] == pytest.approx([0.0, 0.0], abs=1e-2)
