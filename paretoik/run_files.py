@@ -41,6 +41,7 @@ TOOL_PATH = "tool_path.npz"
 DRAWING = "picture.png"
 CHECKPOINT = "checkpoint"  # a folder: what a run that was stopped goes on from
 JOURNAL = "journal"  # in it
+FINISHED = "finished"  # in it: the journal of a finished search, which can be continued
 CHOICES = "choices.json"
 REPORT = "report.html"
 FORMER = ".former-run"  # a folder in it: the run that a new one replaces, until that has a result

@@ -1,4 +1,4 @@
-"""Let a run go on that was stopped or killed, as if it had never been."""
+"""Let a run go on that was stopped or killed, as if it had never been, or a finished search by more generations."""
 
 from __future__ import annotations
 
@@ -30,13 +30,14 @@ from paretoik.formulations.stored_motions import restore_motions
 from paretoik.front.front import Front
 from paretoik.front.preferences.weights import Weights
 from paretoik.front.subset import attach
-from paretoik.inputs import check_flag, check_function, file_path
+from paretoik.inputs import check_count, check_flag, check_function, file_path
 from paretoik.journal import journalled, recalled
-from paretoik.run_files import CHECKPOINT, JOURNAL, RUN, can_resume, check_digest, read_run
+from paretoik.run_files import CHECKPOINT, FINISHED, JOURNAL, RUN, can_resume, check_digest, read_run
 from paretoik.search.seeding import check_algorithm
 from paretoik.trajectory.plan import Plan
 
 VERBS: dict[str, Callable[..., Front | Plan]] = {each.__name__: each for each in (solve, plan, epsilon_front, refine)}
+ENDINGS = {"evaluations": None, "target": None, "stagnation": False}  # settings of solve that end it; what lifts them
 OF_LOOP = {"weights", "warm_start"}  # settings of a closed loop's run that are the problem's own
 
 
@@ -45,6 +46,7 @@ def resume(
     folder: str | Path,
     problem: Any = None,
     *,
+    generations: int | None = None,
     algorithm: Any = None,
     time_limit: float | None = None,
     workers: int | None = None,
@@ -52,10 +54,15 @@ def resume(
     live: bool = False,
     observe: Observer | bool | None = None,
 ) -> Front | Plan:
-    """Let a run go on that was stopped, by a signal or its time limit, or killed; return what it comes to.
+    """Let a run go on that was stopped or killed, or a finished search; return the result.
 
     The result is, bit for bit, that of a run that never stopped: what was computed before is in the run's journal, the
-    rest is computed from it. A run that was stopped by its time limit has none unless one is given anew.
+    rest is computed from it. A run that was stopped by its time limit has none unless one is given again.
+
+    A finished search goes on for more ``generations``, from exactly where it ended. The result is that of one run of
+    all these generations with the run's ``settings``, ``anchors`` among them; ``solve`` chooses these by the number of
+    generations if none are given. If the run reached its target, or ended by stagnation or after some evaluations, this
+    ending no longer holds.
 
     Parameters
     ----------
@@ -63,6 +70,8 @@ def resume(
         Folder of a run of ``solve``, ``plan``, ``epsilon_front`` or ``refine``.
     problem
         Problem that the run solves, or its name, "FILE.py:NAME", whose file is run.
+    generations
+        Number of generations to add to a finished run of ``solve``; None for a run that was stopped.
     algorithm
         The pymoo algorithm, with the same settings, of a run of ``solve`` that was given one.
     time_limit
@@ -77,23 +86,26 @@ def resume(
     InvalidRun
         Where the folder is no run, or has a damaged journal, or what is computed anew is not what the journal has.
     InvalidInput
-        Where the run is finished, or another process is at work on it; where ``problem`` is not at hand or another
-        than the run's, or a library has another version than it had.
+        If the run is finished and no ``generations`` are given, or the other way round; if another process is at work
+        on it; if ``problem`` is not at hand or another than the run's, or a library has another version than it had.
     """
     folder = file_path("folder", folder)
     check_flag("live", live)
+    check_count("generations", generations)
     check_algorithm(algorithm)
     check_problem_argument(problem)
     check_time_limit(time_limit)
     check_workers(workers, cluster)
     if not isinstance(observe, bool):
         check_function("observe", observe)
-    _read_stopped(folder)  # what cannot go on is not locked
+    _read_resumable(folder, generations)  # what cannot go on is not locked
     with reclaim_folder(folder):
-        verb, arguments = _call(folder, problem, algorithm, time_limit)
+        verb, arguments = _call(folder, problem, algorithm, time_limit, generations)
         shown = {"live": live, "workers": workers, "cluster": cluster}
         if verb is not solve:
             del shown["live"]
+        if generations is not None:  # from now on it is a run that was stopped
+            (folder / CHECKPOINT / FINISHED).replace(folder / CHECKPOINT / JOURNAL)
         with journalled(folder / CHECKPOINT / JOURNAL):
             if arguments.pop("initial", False) and recalled(INITIAL) is None:
                 raise InvalidRun(
@@ -104,10 +116,10 @@ def resume(
 
 
 def _call(
-    folder: Path, problem: Any, algorithm: Any, time_limit: float | None
+    folder: Path, problem: Any, algorithm: Any, time_limit: float | None, generations: int | None
 ) -> tuple[Callable[..., Front | Plan], dict[str, Any]]:
     """Return the verb that a run began with, and its arguments; raises as ``resume`` does."""
-    run = _read_stopped(folder)
+    run = _read_resumable(folder, generations)
     _check_versions(folder, run)
     problem = named_problem(problem, time_limit=time_limit)
     if problem is None:
@@ -121,6 +133,8 @@ def _call(
     names = {*signature(verb).parameters} | (OF_LOOP if is_loop else set())
     if not (isinstance(settings, dict) and settings.keys() <= names):
         raise InvalidRun(f"{folder}: wanted the settings of {run['verb']}, got {settings!r:.200}")
+    if generations is not None:
+        settings = _longer(folder, run, settings, generations)
     arguments = {"problem": problem, "reference": run.get("problem"), **settings}
     arguments.pop("time_limit", None)
     if verb is refine:
@@ -132,16 +146,31 @@ def _call(
     return verb, arguments
 
 
-def _read_stopped(folder: Path) -> dict[str, Any]:
+def _read_resumable(folder: Path, generations: int | None) -> dict[str, Any]:
     """Return the entries of a run that can go on; raises InvalidRun for no run, InvalidInput for another one."""
     run = read_run(folder / RUN)
     check_digest(folder / RUN, run)
-    if not can_resume(folder):
+    verb, status, checkpoint = run.get("verb"), run.get("status"), folder / CHECKPOINT
+    is_finished = (checkpoint / FINISHED).is_file() and not checkpoint.is_symlink()
+    if generations is not None and not is_finished:
+        fact = f"a run of {verb} of status {status!r} that keeps no generations"
+        raise InvalidInput(f"generations: must be None but for a finished search by solve, got {fact}")
+    if generations is None and not can_resume(folder):
+        how = "; generations=, or --generations, continues it" if is_finished else " with nothing to go on from"
         raise InvalidInput(
             f"{folder}: wanted a run of solve, plan, front or refine that was stopped, got one of status "
-            f"{run.get('status')!r} with nothing to go on from"
+            f"{status!r}{how}"
         )
     return run
+
+
+def _longer(folder: Path, run: Mapping[str, Any], settings: Mapping[str, Any], generations: int) -> dict[str, Any]:
+    """Return the settings of a finished search with more generations, without the ending that it reached."""
+    ended = {name: ENDINGS[name] for name in ENDINGS if name == run.get("status")}
+    try:
+        return {**settings, **ended, "generations": int(run["counts"]["generations"]) + generations}
+    except (KeyError, TypeError, ValueError) as fault:
+        raise InvalidRun(f"{folder}: wanted the number of its generations, got {run.get('counts')!r:.200}") from fault
 
 
 def _search_arguments(settings: Mapping[str, Any], algorithm: Any) -> dict[str, Any]:

@@ -27,7 +27,7 @@ from paretoik.inputs import check_flag, check_text, file_path
 from paretoik.journal import journalled
 from paretoik.review.recording.recorder import Recorder, Scene, SearchedFront
 from paretoik.review.recording.workcell import Workcell
-from paretoik.run_files import CHECKPOINT, JOURNAL, RECORDING, RUN, STOPPED, has_result, read_run, write_run
+from paretoik.run_files import CHECKPOINT, FINISHED, JOURNAL, RECORDING, RUN, STOPPED, has_result, read_run, write_run
 from paretoik.stop_flag import STOP, Interrupted
 from paretoik.user_functions import cause_of
 from paretoik.user_warnings import warn_user
@@ -56,6 +56,7 @@ class RunSession(VerbSession):
     draft: Front | None = None
     room: ReservedSpace | None = None  # on the disk, for the result
     infeasible: InfeasibleFiles | None = None  # what comes nearest, where nothing is feasible
+    continues: bool = False  # whether the journal stays once the run has finished, to be continued
     finished: bool = False
     result: object = None  # the final one, once it is kept
 
@@ -146,7 +147,7 @@ class RunSession(VerbSession):
         self.keep(front, lambda folder: front.save(folder, overwrite=True), status=front.provenance.get("status"))
 
     def keep(self, result: object, save: Callable[[Path], object], *, status: object) -> None:
-        """Save the final result into the run's folder; keep the checkpoint only if the run was stopped.
+        """Save the final result into the run's folder; keep the checkpoint of a stopped run, the journal of a search.
 
         What a signal asked to stop has stopped by then: it does not hold for the pictures that follow.
         """
@@ -155,8 +156,13 @@ class RunSession(VerbSession):
             self.show(RunProgress(stage="saving"))
             self._leave_room()
             save(self.folder)
-            if status not in STOPPED:
-                shutil.rmtree(self.folder / CHECKPOINT, ignore_errors=True)
+            checkpoint = self.folder / CHECKPOINT
+            if status in STOPPED:
+                return
+            if self.continues:
+                (checkpoint / JOURNAL).replace(checkpoint / FINISHED)
+            else:
+                shutil.rmtree(checkpoint, ignore_errors=True)
 
     def raise_observer_fault(self) -> None:
         """Raise what the observer raised, if anything, with the result that was kept."""
@@ -278,7 +284,8 @@ def run_session(
         if folder is not None and not has_result(folder):
             write_run(folder, {**session.provenance, "status": "running"})
         elif folder is not None and stored:  # should this process be killed: what it computes stays in the journal
-            write_run(folder, {**stored, "computed": session.provenance["computed"]})
+            now = {name: session.provenance[name] for name in ("settings", "computed")}
+            write_run(folder, {**stored, **now})
         if folder is not None and resumable:
             if source is not None and not isinstance(out, StoppedRun):
                 _save_source(source, folder)  # before there is a journal: what has one can go on

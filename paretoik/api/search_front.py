@@ -108,7 +108,7 @@ class FrontSearch:
 
     def run(self, session: RunSession) -> Front:
         """Return the front that the search leads to, refined unless a signal came."""
-        started = computing_clock()
+        session.continues, started = True, computing_clock()
         front = self._evolve(session)
         if not self._solve_settings.refine or front.provenance["status"] in INTERRUPTED:
             return front

@@ -1,4 +1,4 @@
-"""``paretoik resume``: let a run go on that was stopped or killed."""
+"""``paretoik resume``: let a run go on that was stopped or killed, or a finished search by more generations."""
 
 from __future__ import annotations
 
@@ -17,6 +17,9 @@ from paretoik.run_files import RUN, read_run
 def resume(
     run: RunFolder,
     problem: RunProblem = None,
+    generations: Annotated[
+        int | None, typer.Option(help="Generations to add to a finished search.", show_default=False)
+    ] = None,
     time_limit: TimeLimit = None,
     workers: Workers = None,
     cluster: ClusterAddress = None,
@@ -26,9 +29,9 @@ def resume(
     quiet: QuietFlag = False,
     as_json: JsonFlag = False,
 ) -> None:
-    """Let a run go on that was stopped or killed.
+    """Let a run go on that was stopped or killed, or a finished search by more generations.
 
-    What it comes to is what it would have come to had it never stopped.
+    The result is that of a run that never stopped.
     """
     with (
         stdout_for_results(),
@@ -40,6 +43,7 @@ def resume(
         result = resume_run(
             run,
             agreed_problem(run, problem, needed=True),
+            generations=generations,
             time_limit=time_limit,
             workers=workers,
             cluster=cluster,

@@ -7,7 +7,7 @@ import pytest
 
 import paretoik as pk
 from paretoik.errors import EvaluationFailed, InvalidInput
-from paretoik.run_files import CHECKPOINT, RUN, read_run
+from paretoik.run_files import CHECKPOINT, JOURNAL, RUN, read_run
 from tests.api.problems import tracking
 from tests.api.resumed_runs import loop
 from tests.search.problems import Parabolas
@@ -102,7 +102,7 @@ def test_an_observer_that_raises_in_any_stage_is_named_and_loses_nothing(verb, t
                 assert str(folder) in failure.value.__notes__[-1]
             if stage == "saving":
                 assert kept.provenance["status"] == read_run(folder / RUN)["status"]
-                assert not (folder / CHECKPOINT).exists()  # it is whole
+                assert not (folder / CHECKPOINT / JOURNAL).exists()  # it is whole
     assert lasting == "recording" or lasting == "saving"
 
 

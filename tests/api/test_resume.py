@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pymoo.algorithms.moo.nsga2 import NSGA2
 
 import paretoik as pk
 from paretoik.errors import InvalidInput, InvalidRun
@@ -18,6 +19,7 @@ from paretoik.journal import HEAD
 from paretoik.run_files import CHECKPOINT, FORMER, JOURNAL, RUN
 from tests.api.problems import tracking
 from tests.api.resumed_runs import PROBLEMS, Slow, run
+from tests.search.problems import Parabolas
 
 ROOT = Path(__file__).parents[2]
 ENTRIES = {  # of the journal when the process is killed
@@ -30,6 +32,9 @@ ENTRIES = {  # of the journal when the process is killed
     "epsilon_front": 14,
     "refine": 5,
 }
+
+
+SEARCHES = ("search", "solve", "solve from motions", "islands")
 
 
 def killed(verb: str, folder: Path, entries: int) -> None:
@@ -82,13 +87,14 @@ def test_a_killed_run_whose_journal_is_damaged_resumes_bit_for_bit(verb, tmp_pat
     whole = run(verb, tmp_path / "whole")
     killed(verb, tmp_path / "killed", ENTRIES[verb])
     assert json.loads((tmp_path / "killed" / RUN).read_text())["status"] in ("running", "refining")
-    assert not (tmp_path / "whole" / CHECKPOINT).exists()
+    assert not (tmp_path / "whole" / CHECKPOINT / JOURNAL).exists()
     flip_a_bit(tmp_path / "killed", ENTRIES[verb] // 2)
     with pytest.warns(RuntimeWarning, match=r"\d+ of \d+ bytes are damaged; what they held is computed again"):
         resumed = pk.resume(tmp_path / "killed", PROBLEMS[verb]())
     check_same(resumed, whole)
-    assert not (tmp_path / "killed" / CHECKPOINT).exists()
-    with pytest.raises(InvalidInput, match="wanted a run of solve, plan, front or refine that was stopped"):
+    assert not (tmp_path / "killed" / CHECKPOINT / JOURNAL).exists()
+    how = "--generations, continues it" if verb in SEARCHES else "with nothing to go on from"
+    with pytest.raises(InvalidInput, match=f"wanted a run of solve, .* that was stopped, got one of status .*{how}"):
         pk.resume(tmp_path / "killed", PROBLEMS[verb]())
 
 
@@ -132,6 +138,57 @@ def test_a_run_goes_on_as_often_as_it_is_stopped(copy):
         front = pk.resume(copy, tracking(), observe=interrupt)
         assert (front.provenance["status"], front.provenance["counts"]["generations"]) == ("SIGTERM", last)
     check_same_front(pk.resume(copy, tracking()), pk.solve(tracking(), population=12, generations=12, seed=2))
+
+
+CONTINUED = {
+    "refined": {"refine": True, "points": 4},
+    "islands": {"islands": 2, "stagnation": False},
+    "another algorithm": {"algorithm": NSGA2(pop_size=12), "anchors": None},
+}
+
+
+@pytest.mark.parametrize(
+    "name", ["another algorithm", *(pytest.param(name, marks=pytest.mark.slow) for name in ("refined", "islands"))]
+)
+def test_a_finished_search_and_more_generations_are_one_run_bit_for_bit(name, tmp_path):
+    settings = {"population": 12, "seed": 2, "anchors": 1, **CONTINUED[name]}
+    algorithm = settings.get("algorithm")
+    pk.solve(tracking(), generations=5, out=tmp_path / "run", **settings)
+    for more in (1, 4):
+        front = pk.resume(tmp_path / "run", tracking(), generations=more, algorithm=algorithm)
+    check_same(front, pk.solve(tracking(), generations=10, out=tmp_path / "whole", **settings))
+    assert np.array_equal(pk.load_front(tmp_path / "run", tracking()).objectives, front.objectives)
+
+
+def test_a_search_that_is_stopped_while_it_is_continued_resumes(tmp_path):
+    settings = {"population": 12, "seed": 2, "anchors": 1}
+    pk.solve(tracking(), generations=5, out=tmp_path / "run", **settings)
+
+    def interrupt(progress):
+        if progress.stage == "generation" and progress.done == 8:
+            signal.raise_signal(signal.SIGTERM)
+
+    pk.resume(tmp_path / "run", tracking(), generations=7, observe=interrupt)
+    check_same_front(pk.resume(tmp_path / "run", tracking()), pk.solve(tracking(), generations=12, **settings))
+
+
+def test_a_target_that_a_search_reached_does_not_end_it_again(tmp_path):
+    target = [np.inf, np.inf]
+    front = pk.solve(Parabolas(), population=8, generations=5, seed=1, target=target, out=tmp_path / "run")
+    assert (front.provenance["status"], front.provenance["counts"]["generations"]) == ("target", 1)
+    continued = pk.resume(tmp_path / "run", Parabolas(), generations=3)
+    assert (continued.provenance["status"], continued.provenance["counts"]["generations"]) == ("generations", 4)
+
+
+def test_only_a_finished_search_has_more_generations(copy, tmp_path):
+    pk.plan(tracking(pk.kinetic_energy), starts=4, out=tmp_path / "plan")
+    for folder in (copy, tmp_path / "plan"):
+        with pytest.raises(
+            InvalidInput, match="generations: must be None but for a finished search by solve, got a run"
+        ):
+            pk.resume(folder, tracking(), generations=2)
+    with pytest.raises(InvalidInput, match="generations: "):
+        pk.resume(copy, tracking(), generations=0)
 
 
 def test_another_problem_is_refused_and_the_run_stays(copy):
