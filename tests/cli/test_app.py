@@ -41,7 +41,7 @@ def test_a_misspelt_command_is_met_with_the_right_one(paretoik):
         (["solve", "MINE:good", "--out", "OUT", "--seed", "-1"], "seed: an integer of at least 0 wanted, got -1"),
         (
             ["solve", "MINE:good", "--out", "OUT", "--time-limit", "nan"],
-            "time limit: must be finite, got nan",
+            "time_limit: must be finite, got nan",
         ),
         (["solve", "MINE:good", "--out", "MINE"], "wanted a folder to write a run into, got File exists"),
         (["select", "OUT", "--weights", "kinetic_energy=1"], "run.json: wanted a plain file, got no folder "),
