@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
-from paretoik.api.certificate_time import LaterStages
+from paretoik.api.certificate_time import LaterStages, LaterTime
 from paretoik.api.progress import Observer, count_observer
 from paretoik.arrays import Genes, Ids, Point, Points
 from paretoik.fingerprint.fingerprint import fingerprint
@@ -64,7 +64,7 @@ def certified_front(
     before: Front | None = None,
     solver: Solver = "auto",
     observe: Observer | None = None,
-    seconds_per_certificate: float = 0.0,
+    later: LaterTime | None = None,
 ) -> Front:
     """Return the front of these points with their certificates, except those that others dominate.
 
@@ -80,7 +80,11 @@ def certified_front(
 
     def certified(x: Points, genes: Genes | None = None) -> _CertifiedPoints:
         shown = count_observer(
-            observe, "tightening", later=seconds_per_certificate, uniform=True, following="certification"
+            observe,
+            "tightening",
+            later=None if later is None else later.per_certificate,
+            uniform=True,
+            following="certification",
         )
         with LaterStages().reserve(len(x)):
             held, programs = formulation.hold_between(x, ranges, solver=solver, observe=shown)

@@ -8,17 +8,18 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.api.certificate_time import LaterStages
-from paretoik.api.progress import Observer, count_observer
+from paretoik.api.certificate_time import LaterStages, LaterTime
+from paretoik.api.progress import Observer, RunProgress, count_observer
 from paretoik.api.refine import refine_front
 from paretoik.api.sweep_words import phase_text
 from paretoik.arrays import Ids, Points
+from paretoik.compilation_notices import computing_clock
 from paretoik.errors import Infeasible, SolverFailed
 from paretoik.formulations.protocol import Differentiable
 from paretoik.front.front import Front
 from paretoik.nlp.program import Solver
 from paretoik.pareto.epsilon import epsilon_points
-from paretoik.pareto.sweep import ObserveSweep
+from paretoik.pareto.sweep import ObserveSweep, SweepProgress
 from paretoik.stop_flag import Interrupted, check_interruption
 
 
@@ -46,7 +47,12 @@ def complete_front(
     """
 
     def complete(
-        formulation: Differentiable, x: Points, ids: Ids, ranges: Float[np.ndarray, " n_obj"], shown: Observer | None
+        formulation: Differentiable,
+        x: Points,
+        ids: Ids,
+        ranges: Float[np.ndarray, " n_obj"],
+        shown: Observer | None,
+        later: LaterTime,
     ) -> tuple[Points, Ids, Float[np.ndarray, " n_obj"]]:
         if len(ranges) < 2 or not len(x):
             return x, ids, ranges
@@ -64,7 +70,7 @@ def complete_front(
                 refined=True,
                 cold_points=OPTIONS.cold_points,
                 solver=solver,
-                observe=_point_observer(shown, LaterStages.of(front.problem).text),
+                observe=_point_observer(shown, LaterStages.of(front.problem).text, later),
             )
             return complete_x, _ids(complete_x, x, ids, first_id), complete_ranges
         return x, ids, ranges
@@ -72,9 +78,26 @@ def complete_front(
     return refine_front(front, front.problem, solver=solver, observe=observe, complete=complete)
 
 
-def _point_observer(observe: Observer | None, following: str) -> ObserveSweep | None:
-    show = count_observer(observe, "point", following=following)
-    return None if show is None else lambda progress: show(progress.done, progress.total, phase_text(progress.phase))
+def _point_observer(observe: Observer | None, following: str, later: LaterTime) -> ObserveSweep | None:
+    if observe is None:
+        return None
+    started = computing_clock()
+
+    def show(progress: SweepProgress) -> object:
+        seconds = computing_clock() - started
+        return observe(
+            RunProgress(
+                stage="point",
+                done=progress.done,
+                total=progress.total,
+                seconds=seconds,
+                remaining=later.sweep_left(progress, seconds) if getattr(observe, "is_due", True) else None,
+                summary=phase_text(progress.phase),
+                following=following,
+            )
+        )
+
+    return show
 
 
 def _ids(x: Points, before: Float[np.ndarray, " before *point"], ids: np.ndarray, first_id: int) -> np.ndarray:

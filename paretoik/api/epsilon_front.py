@@ -148,7 +148,8 @@ def _sweep(problem: Any, formulation: Differentiable, initial: Points | None, se
         timeline="level",
         workcell=workcell_of(problem),
     )
-    display, solver = SweepDisplay(session, formulation), settings["solver"]
+    solver = settings["solver"]
+    display = SweepDisplay(session, formulation, solver)
     reserve = LaterStages.of(problem).reserve(settings["points"])
     with infeasible_recorded(session, problem, display.infeasible_end), reserve:
         cold = formulation.cold_search(
@@ -175,7 +176,7 @@ def _sweep(problem: Any, formulation: Differentiable, initial: Points | None, se
         dict(session.provenance),
         solver=solver,
         observe=session.observe,
-        seconds_per_certificate=display.seconds_per_certificate,
+        later=display.later,
     )
     display.finish(front)
     counts = {"points": len(front), "levels": display.levels, "seconds": round(session.seconds, 3)}

@@ -47,17 +47,15 @@ def count_observer(
     observe: Observer | None,
     stage: str,
     *,
-    later: float = 0.0,
-    again: float = 0.0,
+    later: Callable[[], float] | None = None,
     uniform: bool = False,
     then: str = "",
     following: str = "",
 ) -> Callable[..., object] | None:
     """Return what tells an observer of counts (done, total, summary=""); None without one.
 
-    Where everything in the stage takes about as long (``uniform``), and later stages take so many seconds for each of
-    its ``total``, and ``again`` times as long as this one, the observer learns about how long the verb will take: with
-    the stages ``following``, without the stage ``then``.
+    If everything in the stage takes about as long (``uniform``), the observer learns about how long the verb will take:
+    this stage, and what the stages ``following`` take for each of its ``total``, ``later()`` seconds.
     """
     if observe is None:
         return None
@@ -65,13 +63,14 @@ def count_observer(
 
     def show(done: int, total: int, summary: str = "") -> object:
         seconds = computing_clock() - started
+        after = later() * total if later is not None else 0.0
         return observe(
             RunProgress(
                 stage=stage,
                 done=done,
                 total=total,
                 seconds=seconds,
-                remaining=time_left(done, total, seconds, later, again) if uniform else None,
+                remaining=time_left(done, total - done, seconds, after) if uniform else None,
                 summary=summary,
                 then=then,
                 following=following,

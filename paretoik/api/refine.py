@@ -11,15 +11,16 @@ from typing import Any, TypeAlias
 import numpy as np
 from jaxtyping import Bool, Float
 
-from paretoik.api.certificate_time import LaterStages, seconds_per_certificate
+from paretoik.api.certificate_time import LaterStages, LaterTime
 from paretoik.api.certified_front import certified_front, no_worse
 from paretoik.api.progress import Observer, count_observer
 from paretoik.api.refinement_display import RefinementDisplay, improved_points
 from paretoik.api.review_front import review_front
 from paretoik.api.run_session import Subject, run_session
 from paretoik.api.verb_session import computing, verb_session
-from paretoik.arrays import Genes, Ids, Points, Values
+from paretoik.arrays import Genes, Ids, Point, Points, Values
 from paretoik.call_arguments import check_call
+from paretoik.compilation_notices import computing_clock
 from paretoik.errors import InvalidInput
 from paretoik.execution.executor import check_workers
 from paretoik.execution.run_folder import check_other_folder
@@ -158,10 +159,10 @@ def refine(
 
 
 Complete: TypeAlias = Callable[
-    [Differentiable, Points, Ids, Float[np.ndarray, " n_obj"], Observer | None],
+    [Differentiable, Points, Ids, Float[np.ndarray, " n_obj"], Observer | None, LaterTime],
     tuple[Points, Ids, Float[np.ndarray, " n_obj"]],
 ]
-"""Returns refined points with others, their ids and the ranges, of a formulation, points, ids, ranges, observer."""
+"""Returns refined points with others, their ids and ranges; of a formulation, points, ids, ranges, observer, times."""
 
 
 def refine_front(
@@ -180,14 +181,14 @@ def refine_front(
         check_solver(formulation.program(ranges), solver)
         if len(x) and not (evaluate_points(formulation.program(ranges), x).violation <= WARM_STARTS.violation).any():
             require_feasible(problem)
-        later = 0.0 if session.observe is None else seconds_per_certificate(formulation, x, ranges)
+        later = LaterTime(formulation=formulation, solver=solver)
         then = "" if complete is None else "optimum"
-        count = partial(_count_round, session.observe, problem, later, then)
+        count = partial(_count_round, session.observe, problem, later, ranges, then)
         with LaterStages.of(problem).reserve(len(x)):
             x, converged, ranges = _refine_over_own_ranges(formulation, x, ranges, solver, count)
             if complete is not None:
                 individuals = no_worse(formulation, formulation.individuals(x), front, ranges)
-                x, ids, ranges = complete(formulation, individuals.x, ids, ranges, session.observe)
+                x, ids, ranges = complete(formulation, individuals.x, ids, ranges, session.observe, later)
         refined = certified_front(
             problem,
             formulation,
@@ -198,21 +199,37 @@ def refine_front(
             before=front if complete is None else None,
             solver=solver,
             observe=session.observe,
-            seconds_per_certificate=later,
+            later=later,
         )
         counts = {"points": len(front), "converged": int(converged.sum()), "seconds": round(session.seconds, 3)}
         status = {} if session.signal is None else {"status": session.signal}
         return replace(refined, provenance={**refined.provenance, "refined": counts, **status})
 
 
-def _count_round(observe: Observer | None, problem: Any, later: float, then: str, number: int) -> Observe | None:
-    """Return what tells an observer how many points are refined, in a round of its own from the second on."""
-    stages = LaterStages.of(problem)
+def _count_round(
+    observe: Observer | None, problem: Any, later: LaterTime, ranges: Values, then: str, number: int
+) -> Observe | None:
+    """Return what tells an observer how many points are refined, in a round of its own from the second on.
+
+    How long the verb will take is not told if other stages come first, ``then``.
+    """
     show = count_observer(
-        observe, "refinement", later=later, again=stages.tightening, uniform=True, then=then, following=stages.text
+        observe,
+        "refinement",
+        later=later.per_point,
+        uniform=not then,
+        then=then,
+        following=LaterStages.of(problem).text,
     )
-    words = f"round {number + 1}" if number else ""
-    return None if show is None else lambda done, total: show(done, total, words)
+    words, began = f"round {number + 1}" if number else "", computing_clock()
+
+    def show_point(done: int, total: int, x: Point) -> object:
+        assert show is not None
+        if not then and getattr(observe, "is_due", True):
+            later.try_point(x, ranges, computing_clock() - began)
+        return show(done, total, words)
+
+    return None if show is None else show_point
 
 
 def _refine_over_own_ranges(
@@ -228,9 +245,9 @@ def _refine_over_own_ranges(
     """
     ended = False
 
-    def show(done: int, total: int) -> object:
+    def show(done: int, total: int, x: Point) -> object:
         nonlocal ended
-        ended = bool(observe is not None and observe(done, total))
+        ended = bool(observe is not None and observe(done, total, x))
         return ended
 
     first, shares = ranges, np.ones(len(ranges))

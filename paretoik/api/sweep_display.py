@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from paretoik.api.certificate_time import LaterStages, seconds_per_certificate
+from paretoik.api.certificate_time import LaterStages, LaterTime
 from paretoik.api.progress import RunProgress, count_observer
 from paretoik.api.run_session import RunSession
 from paretoik.api.sweep_words import phase_text
-from paretoik.api.time_left import sweep_time_left
 from paretoik.compilation_notices import computing_clock
 from paretoik.formulations.protocol import Differentiable
 from paretoik.front.front import Front
 from paretoik.front.hypervolume_curve import HypervolumeCurve
-from paretoik.front.indicators import ranges_of
 from paretoik.front.marked_rows import marked_rows
+from paretoik.nlp.program import Solver
 from paretoik.pareto.sweep import SweepProgress
 from paretoik.review.recording.least_violating import LeastViolating
 from paretoik.review.recording.recorded_point import RecordedPoint, record_motion
@@ -24,19 +23,18 @@ from paretoik.review.recording.recorder import Generation, SearchEnd
 class SweepDisplay:
     """Shows a session each step of a sweep.
 
-    ``levels`` counts the steps under other bounds than the one before, ``seconds_per_certificate`` is measured for an
-    observer.
+    levels: number of steps under other bounds than the one before
+    later: time of later stages, measured for an observer
     """
 
-    def __init__(self, session: RunSession, formulation: Differentiable) -> None:
-        self.levels, self.seconds_per_certificate = 0, 0.0
+    def __init__(self, session: RunSession, formulation: Differentiable, solver: Solver) -> None:
+        self.levels, self.later = 0, LaterTime(formulation=formulation, solver=solver)
         self._session, self._formulation = session, formulation
         self._signs = np.where(formulation.maximised, -1.0, 1.0)
         self._hypervolume = HypervolumeCurve()
         self._steps = self._points = 0
         self._level = b""
         self._started: float | None = None  # of the sweep
-        self._before = 0  # points that it began with
         self._show_optima = count_observer(session.observe, "optimum")
 
     def show_optima(self, done: int, total: int, summary: str = "") -> None:
@@ -47,7 +45,7 @@ class SweepDisplay:
     def show_step(self, progress: SweepProgress) -> None:
         """Show a step in the user's own sign."""
         if self._started is None:
-            self._start(progress)
+            self._started = computing_clock()
         level = b"" if progress.epsilon is None else progress.epsilon.tobytes()
         is_level = level not in (b"", self._level)
         if is_level:
@@ -56,13 +54,6 @@ class SweepDisplay:
         is_news, self._points = is_level or len(progress.x) > self._points, len(progress.x)
         if self._session.is_watched:
             self._show(progress, is_news=is_news)
-
-    def _start(self, progress: SweepProgress) -> None:
-        """Measure what a certificate takes where somebody wants to know how long the verb will."""
-        if self._session.observe is not None:
-            ranges = ranges_of(progress.objectives)
-            self.seconds_per_certificate = seconds_per_certificate(self._formulation, progress.x, ranges)
-        self._started, self._before = computing_clock(), progress.done
 
     def finish(self, front: Front) -> None:
         """Record the front that the sweep led to, under no bound any more."""
@@ -122,21 +113,13 @@ class SweepDisplay:
             )
             self._steps += 1
         seconds = computing_clock() - self._started
-        remaining = sweep_time_left(
-            progress.done,
-            progress.total,
-            seconds,
-            before=self._before,
-            later=self.seconds_per_certificate,
-            again=LaterStages.of(self._formulation).tightening,
-        )
         self._session.show(
             RunProgress(
                 stage="point",
                 done=progress.done,
                 total=progress.total,
                 seconds=seconds,
-                remaining=remaining,
+                remaining=self.later.sweep_left(progress, seconds) if self._session.is_observed else None,
                 summary=", ".join(
                     filter(None, [self._hypervolume.summary(self._steps - 1), phase_text(progress.phase)])
                 ),

@@ -85,6 +85,7 @@ def epsilon_points(
         solver=solver,
         observe=observe,
         ranges=ranges,
+        rounds=int(cold.multimodal or n_obj > 2),
     )
     if initial is not None:
         sweep.add(evaluate_points(program, initial), _weights(program, initial, n_obj))
@@ -97,7 +98,7 @@ def epsilon_points(
         else:
             _add_inner_optima(sweep, cold)
             sweep.fill_gaps()
-        if cold.multimodal or n_obj > 2:
+        if sweep.rounds:
             sweep.exchange_basins()
     return sweep.x[sweep.spread()], ranges
 
@@ -167,9 +168,11 @@ def _ends(program: Program, best: Points, solver: Solver) -> Solutions:
 def _add_inner_optima(sweep: Sweep, cold: ColdSearch) -> None:
     """Add the optima that cold starts lead to below an ε: a branch may belong to no objective's own optimum."""
     n_obj, ends = sweep.n_obj, sweep.objectives[: sweep.n_obj, : sweep.n_obj]
+    sweep.cold_points = n_obj
     ideal, nadir = ends.min(axis=0), ends.max(axis=0)
     for main in range(n_obj):
         upper = np.where(np.arange(n_obj) == main, np.inf, nadir + OPTIONS.inner * (ideal - nadir))
         optima = cold.optima_below(sweep.program, main, upper, OPTIONS.weight)
         if optima is not None:
             sweep.add(optima[optima.converged][: OPTIONS.cold_optima])
+        sweep.cold_points -= 1

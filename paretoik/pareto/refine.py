@@ -71,8 +71,9 @@ def refine(
 
     The first objectives of the program are those of the front, divided by their ranges. The first is minimised, every
     other to gain as much, so that each point goes straight ahead and none to where its neighbours go (Pascoletti &
-    Serafini 1984). Points that are critical stay, and so do those from which no solver finds better. Where ``observe``
-    returns true, and after a signal, the others stay as they are.
+    Serafini 1984). Points that are critical stay, and so do those from which no solver finds better. ``observe`` is
+    called with what is done, with all, and the point refined last; if it returns true, and after a signal, the others
+    stay as they are.
     """
     ends, done, count = dict[int, Values](), 0, len(x)
     keys = [program_key("refined point", program, one, n_obj, solver) for one in x]
@@ -82,7 +83,9 @@ def refine(
             ends[i] = values
             while done < count and all(j in ends for j in range(done, min(done + OPTIONS.batch, count))):
                 done = min(done + OPTIONS.batch, count)
-                if observe is not None and observe(done, count):  # whoever computed: these are refined, no others
+                if observe is not None and observe(
+                    done, count, ends[done - 1]["x"]
+                ):  # whoever computed: these are refined, no others
                     return _points_of({j: ends[j] for j in range(done)}, x)
     return _points_of(ends, x)
 

@@ -31,9 +31,11 @@ class SweepProgress:
 
     ``x`` are all points, ``objectives`` (points, n_obj) minimised and not divided by anything, ``front`` the rows that
     no other dominates; ``epsilon`` (n_obj,) are the bounds under which was minimised, inf for what was minimised, None
-    where nothing was bounded. ``phase`` is how the front is improved once its points are placed: "gap filling" adds
-    further ones that replace others, "jump search" looks for better branches beside jumps of the front, "basin
-    exchange" tries every point in the basins of its neighbours. It is "" before.
+    where nothing was bounded. Objectives are divided by ``ranges`` when points are sought. ``solved`` levels were
+    minimised, about ``ahead`` are to come; None while points are sought from cold starts. ``phase`` is how the front is
+    improved once its points are placed: "gap filling" adds further ones that replace others, "jump search" looks for
+    better branches beside jumps of the front, "basin exchange" tries every point in the basins of its neighbours. It is
+    "" before.
     """
 
     done: int
@@ -42,6 +44,9 @@ class SweepProgress:
     objectives: Float[np.ndarray, "points n_obj"]
     front: Int[np.ndarray, " front"]
     epsilon: Float[np.ndarray, " n_obj"] | None
+    ranges: Float[np.ndarray, " n_obj"]
+    solved: int
+    ahead: float | None
     phase: SweepPhase
 
 
@@ -54,7 +59,8 @@ class Sweep:
 
     Objectives are divided by ``ranges``; ``epsilon`` are the bounds of what was minimised last, None without any.
     ``tried`` has the objectives that were minimised between two neighbours (rows) without a new point, ``gaps`` what
-    is taken to lie between them.
+    is taken to lie between them. ``cold_points`` are still to be sought from cold starts, about ``further`` ones will
+    replace others, and ``rounds`` of basin exchange are expected.
     """
 
     program: Program
@@ -68,6 +74,10 @@ class Sweep:
     ranges: Float[np.ndarray, " n_obj"]
     epsilon: Float[np.ndarray, " n_obj"] | None = None
     phase: SweepPhase = ""
+    cold_points: int = 0
+    further: float = 0
+    rounds: int = 0
+    solved: int = 0
     tried: dict[tuple[int, int], list[int]] = field(default_factory=dict)
     gaps: dict[tuple[int, int], Gap] = field(default_factory=dict)
 
@@ -97,10 +107,21 @@ class Sweep:
     def _values(self) -> Float[np.ndarray, "points n_obj"]:
         return self.objectives[:, : self.n_obj]
 
-    def _show(self, *_: int) -> None:
+    def _ahead(self, count: int) -> float | None:
+        """Return about how many levels are still to be minimised if the front has so many points."""
+        if self.cold_points > 0:
+            return None
+        each = self.solved / max(count - self.n_obj, 1)  # ends are not found by levels
+        exchange = self.rounds * OPTIONS.neighbours * self.points
+        return max(each, 1.0) * (max(self.points - count, 0) + self.further) + exchange
+
+    def _show(self, done: int = 0, total: int = 0) -> None:
+        """Show how far the sweep is, with ``done`` of the ``total`` levels that are minimised now."""
         if self.observe is None:
             return
-        front = self.front()
+        front, ahead = self.front(), None
+        if (levels := self._ahead(len(front))) is not None:
+            ahead = levels + total - done
         epsilon = None if self.epsilon is None else self.epsilon * self.ranges
         self.observe(
             SweepProgress(
@@ -110,6 +131,9 @@ class Sweep:
                 objectives=self._values * self.ranges,
                 front=front,
                 epsilon=epsilon,
+                ranges=self.ranges,
+                solved=self.solved - (total - done),
+                ahead=ahead,
                 phase=self.phase,
             )
         )
@@ -117,6 +141,7 @@ class Sweep:
     def _solve(self, levels: Sequence[Level]) -> Solutions:
         """Return where levels lead that have one ε."""
         self.epsilon = levels[0].upper
+        self.solved += len(levels)
         return self._level_solver.solve(levels, self._show)
 
     @cached_property
@@ -128,6 +153,7 @@ class Sweep:
 
         The first ``cold_points`` are sought from cold starts as well; at most ``further`` ones replace others.
         """
+        self.cold_points, self.further = cold_points, further / 2
         while True:
             rows = self.front()
             pairs, gaps = self._gaps(rows)
@@ -136,6 +162,7 @@ class Sweep:
                 self.phase = "gap filling"
                 targets = targets[: max(further, 0)]
                 further -= len(targets)
+                self.further = len(targets)
             if not targets:
                 return
             likely = [self._levels(pairs[target.gap], target)[0] for target in targets]
@@ -143,8 +170,9 @@ class Sweep:
             for target in targets if enough else targets[:1]:
                 pair = pairs[target.gap]
                 if len(self.tried.get(pair, ())) < self.n_obj:
-                    self._place(pair, gaps[target.gap], target, cold if cold_points > 0 else None)
-                    cold_points -= 1
+                    self._place(pair, gaps[target.gap], target, cold if self.cold_points > 0 else None)
+                    self.cold_points -= 1
+                    self.further -= enough
 
     def search_jumps(self) -> None:
         """Try the points beside what may be a jump of the front from both sides: a better branch may pass there.
@@ -152,7 +180,7 @@ class Sweep:
         Where tangents contradict each other from the other side near by, always over the ridges between valleys, with a
         high barrier.
         """
-        self.phase, jumps = "jump search", list[tuple[int, list[Level]]]()
+        self.phase, self.cold_points, self.further, jumps = "jump search", 0, 0, list[tuple[int, list[Level]]]()
         for pair in (list(pair) for pair in pairwise(self.spread().tolist())):
             gap = gap_between(self._values[pair], self.weights[pair])
             if not (gap.contradicts or gap.is_concave):
@@ -262,6 +290,7 @@ class Sweep:
             pairs = pairs[~(pairs[:, None] == tried).all(axis=2).any(axis=1)]
             if not len(pairs):
                 return
+            self.solved, self.rounds = self.solved + len(pairs), 0
             tried = np.concatenate([tried, pairs])
             upper = self._values[pairs[:, 0]]
             self.epsilon = upper[0] if len(upper) == 1 else None  # else each has bounds of its own

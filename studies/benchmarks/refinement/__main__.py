@@ -1,6 +1,6 @@
 """Our solvers beside others on the same programs, from the same starts; losses first.
 
-    python -m studies.benchmarks.refinement [--quick] [--counts] [--cases NAME ...] [--seed N] [--json FILE]
+    python -m studies.benchmarks.refinement [--quick] [--counts] [--time-left] [--cases NAME ...] [--json FILE]
 
 A 3R arm and the Panda on their paths, 26 samples, with a smooth objective and with one that has kinks, and sliders from
 point to point, 9 samples. Ours are the interior-point method, which smooths kinks, and SQP whose convex subproblem is
@@ -16,7 +16,8 @@ Seconds are of the processor, those of all starts for each that counts: failures
 compiling, and a first call are not counted. A peer's row is a loss where it takes less than what "auto" takes, or finds
 better by 1e-6 of the objective.
 
-``--counts`` prints instead how often the default verbs canonicalise and run Clarabel, and the share of their time.
+``--counts`` prints instead how often the default verbs canonicalise and run Clarabel, and the share of their time,
+``--time-left`` how often the time left that verbs state is right within a factor of 2.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ import numpy as np
 from paretoik.execution.blas_threads import single_blas_thread
 from studies.benchmarks.planner.verdicts import LOSS, losses_first, timed
 from studies.benchmarks.refinement.cases import CASES, Contest, Solve
-from studies.benchmarks.refinement.counts import count_rows
+from studies.benchmarks.refinement.counts import count_rows, time_left_rows
 from studies.reporting import Row, report, study_parser, tell
 
 VIOLATION = 1e-6
@@ -114,9 +115,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--cases", nargs="+", choices=names, metavar="NAME", help="only these")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--counts", action="store_true", help="canonicalisations and Clarabel solves of default verbs")
+    parser.add_argument("--time-left", action="store_true", help="stated time left beside the true one")
     options = parser.parse_args(arguments)
     if options.counts:
         report(count_rows(), json_file=options.json)
+        return
+    if options.time_left:
+        report(time_left_rows(), json_file=options.json)
         return
     rows: list[Row] = []
     with tempfile.TemporaryDirectory() as folder, single_blas_thread():  # as verbs compute
