@@ -39,7 +39,7 @@ def load_problem(reference: str) -> Any:
             f"({shell_command('paretoik', 'list', *file)} shows names)"
         )
     module = _import_module(place)
-    value = getattr(module, name, None)
+    value = attribute_of(module, name)
     if value is None:
         raise InvalidInput(f"problem {_quoted(reference)}: wanted {_wish_and_fact(module, place, name)}")
     problem = _call(value, module, reference) if _is_factory(value, module) else value

@@ -12,6 +12,7 @@ from studies.benchmarks.reliability.inputs.accepted import reason
 from studies.benchmarks.reliability.inputs.examples import Examples
 from studies.benchmarks.reliability.inputs.faults import make_files
 from studies.benchmarks.reliability.inputs.judging import cases, judge
+from studies.benchmarks.reliability.inputs.problems import outcomes
 from studies.benchmarks.reliability.inputs.surfaces import surfaces
 
 VERBS = ("solve", "plan", "epsilon_front", "refine", "resolve", "directional_maxima", "resume", "verify", "report")
@@ -48,6 +49,15 @@ def test_there_are_hundreds_of_bad_inputs_over_every_public_name():
 def test_what_makes_no_sense_is_refused_in_one_line(name, examples, monkeypatch):
     monkeypatch.chdir(examples.folder)
     assert verdicts(SURFACES[name], examples, SHARE) == {}
+
+
+@pytest.mark.usefixtures("unchecked")
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_problems_that_are_none_are_refused_in_one_line(tmp_path):
+    wrong = {
+        (surface, name): outcome.words for surface, name, outcome in outcomes(tmp_path) if outcome.verdict != "good"
+    }
+    assert wrong == {}
 
 
 @pytest.mark.slow

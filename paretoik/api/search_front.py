@@ -30,7 +30,7 @@ from paretoik.execution.time_limit import TimeLimit as CallTimeLimit
 from paretoik.execution.time_limit import check_time_limit
 from paretoik.formulations.closed_loop_arguments import read_steps
 from paretoik.formulations.protocol import has_branches, require_feasible
-from paretoik.formulations.requirements import check_formulation, require_program
+from paretoik.formulations.requirements import require_program
 from paretoik.front.front import Front
 from paretoik.front.hypervolume_curve import HypervolumeCurve
 from paretoik.inputs import check_size, real_array, shown
@@ -42,6 +42,7 @@ from paretoik.search.ask_tell import Search
 from paretoik.search.endings import Ending, Evaluations, Generations, Progress, Stagnation, Target, TimeLimit
 from paretoik.search.evolution import evolve
 from paretoik.search.islands import Islands
+from paretoik.search.seeding import check_sizes
 from paretoik.stop_flag import Interrupted
 
 INTERRUPTED = tuple(status for status in STOPPED if status != "time limit")
@@ -54,7 +55,7 @@ class FrontSearch:
     """
 
     def __init__(self, problem: Any, settings: SolveSettings) -> None:
-        check_formulation(problem)
+        check_sizes(problem)
         if read_steps(settings.record_steps):
             raise InvalidInput(
                 f"record_steps: a ClosedLoop wanted, whose steps are searches, got {type(problem).__name__}"

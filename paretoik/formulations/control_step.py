@@ -27,7 +27,7 @@ from paretoik.formulations.closed_loop_arguments import (
     check_objectives,
     check_start,
 )
-from paretoik.formulations.formulation import Formulation
+from paretoik.formulations.formulation import Formulation, of_genes
 from paretoik.inputs import check_size, finite_array
 from paretoik.robot.arm import Arm
 from paretoik.search.maximin import MaxiMin
@@ -138,6 +138,7 @@ class ControlStep(Formulation):
         """Return the joint positions after the steps of genes; NaN if the extended Jacobian is singular."""
         return self.state.shorten(self.state.decode(genes))
 
+    @of_genes
     def decode(self, genes: Genes) -> Motion:
         """Return the motions (points, 4, dof) of genes, which end in the joint positions after the step."""
         return self.state.motions(self.positions(genes))

@@ -28,6 +28,7 @@ from paretoik.capability.posture_samples import sample_holdable_postures, statio
 from paretoik.errors import InvalidInput
 from paretoik.formulations.configurations import Configuration, Configurations
 from paretoik.formulations.dense_formulation import DenseFormulation, front_sliders, slider_shares
+from paretoik.formulations.formulation import of_genes
 from paretoik.formulations.own_functions import WholeProgram, function_task
 from paretoik.inputs import check_flag, check_seed, check_size, finite_array, read_list
 from paretoik.nlp.dense import DenseProgram
@@ -191,6 +192,7 @@ class DirectionalMaxima(DenseFormulation):
         off_path = retracted.error > ON_PATH_TOLERANCE
         return self.configurations.at_pace(retracted.q, front, pace, joint_shares, off_path)
 
+    @of_genes
     def decode(self, genes: Genes) -> Motion:
         """Return motions (points, 3, dof) that stand still in the postures of genes."""
         return self._motions(self.configuration(genes).q)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from functools import wraps
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from pymoo.core.problem import Problem
 from pymoo.core.sampling import Sampling
@@ -10,8 +12,12 @@ from pymoo.operators.sampling.lhs import LatinHypercubeSampling
 from pymoo.operators.sampling.rnd import FloatRandomSampling
 
 from paretoik.arrays import Genes
+from paretoik.errors import InvalidInput
+from paretoik.inputs import finite_array, shown
 from paretoik.search.row_operators import Seeded
 from paretoik.tables import columns, fit_screen, html_representation
+from paretoik.task.motion import Motion
+from paretoik.task.motion_task import MotionTask
 from paretoik.task.summary import objective_text, task_text
 
 if TYPE_CHECKING:  # they write themselves with this
@@ -27,6 +33,27 @@ def problem_text(problem: Any) -> str:
     rows = [("objectives", ", ".join(objectives)), ("constraints", ", ".join(problem.constraint_names) or "none")]
     head = f"{type(problem).__name__}, {problem.n_var} genes"
     return fit_screen("\n".join([head, columns(rows), "next: pk.solve(problem)"]))
+
+
+Self = TypeVar("Self", bound="Formulation")
+Decoded = TypeVar("Decoded")
+
+
+def of_genes(decode: Callable[[Self, Genes], Decoded]) -> Callable[[Self, Genes], Decoded]:
+    """Return a method of genes (points, n_var) that refuses what holds none."""
+
+    @wraps(decode)
+    def checked(self: Self, genes: Genes) -> Decoded:
+        return decode(self, self.check_genes("genes", genes, 2))
+
+    return checked
+
+
+def check_motions(motions: object, task: MotionTask, *, samples: int | None = None) -> None:
+    """Raise InvalidInput unless these are motions of a task's joints, of so many samples if that matters."""
+    shape = motions.q.shape if isinstance(motions, Motion) else ()
+    if len(shape) != 3 or shape[2] != task.arm.dof or (samples is not None and shape[1] != samples):
+        raise InvalidInput(f"motions must be motions (points, time, {task.arm.dof}), got {shown(motions)}")
 
 
 class Formulation(Problem):  # type: ignore[misc]  # pymoo is not typed
@@ -45,8 +72,16 @@ class Formulation(Problem):  # type: ignore[misc]  # pymoo is not typed
         """Return a pymoo sampling: the problem's own starts first, then genes at random."""
         return Seeded(None)
 
+    def check_genes(self, name: str, X: object, *dimensions: int) -> Genes:
+        """Return finite genes in rows, or a single one; raises InvalidInput, by ``name``, for anything else."""
+        genes = finite_array(name, X)
+        if genes.ndim not in dimensions or genes.shape[-1] != self.n_var:
+            raise InvalidInput(f"{name} must be rows of {self.n_var} genes, got shape {genes.shape}")
+        return genes
+
     def evaluate(self, X: Genes, *args: Any, algorithm: Any = None, **kwargs: Any) -> Any:
         """Evaluate genes as pymoo's problems do; ``algorithm`` is the one that asks."""
+        X = self.check_genes("X", X, 1, 2)
         sampling = getattr(getattr(algorithm, "initialization", None), "sampling", None)
         if algorithm is None or algorithm.is_initialized or type(sampling) not in RANDOM:
             return super().evaluate(X, *args, **kwargs)

@@ -25,6 +25,7 @@ from paretoik.capability.posture_samples import stationary_task
 from paretoik.capability.timing import Timing, minimum_timing, require_weight
 from paretoik.errors import InvalidInput
 from paretoik.formulations.dense_formulation import DenseFormulation, front_sliders, slider_shares
+from paretoik.formulations.formulation import of_genes
 from paretoik.formulations.initial_paths import InitialPaths, find_initial_paths
 from paretoik.formulations.own_functions import WholeProgram, function_task, read_times
 from paretoik.inputs import check_flag, check_size, finite_array, read_list
@@ -174,6 +175,7 @@ class PointToPoint(DenseFormulation):
         q, front, _ = self._samples(genes)
         return np.stack([front, self.actuation.gears(q, front)[0]], axis=2)
 
+    @of_genes
     def decode(self, genes: Genes) -> Motion:
         """Return the motions (points, time, dof) of genes, each with its own times."""
         q, front, _ = self._samples(genes)

@@ -14,7 +14,7 @@ from paretoik.closed_loop.control_step import rotation_rows
 from paretoik.closed_loop.open_loop import posture_bounds
 from paretoik.errors import InvalidInput
 from paretoik.formulations.closed_loop_arguments import check_limits
-from paretoik.formulations.formulation import Formulation
+from paretoik.formulations.formulation import Formulation, check_motions, of_genes
 from paretoik.inputs import read_list
 from paretoik.robot.arm import Arm
 from paretoik.search.nsga2 import MaxiMinNSGA2
@@ -109,12 +109,14 @@ class Posture(Formulation):
             return elitist_algorithm(population, offspring=offspring, initial=initial)
         return MaxiMinNSGA2(pop_size=population, n_offsprings=offspring, sampling=initial)
 
+    @of_genes
     def decode(self, genes: Genes) -> Motion:
         """Return motions (points, 3, dof) that stand still in the postures of genes."""
         return self.task.motion(np.repeat(genes[:, None], len(self.task.times), axis=1))
 
     def encode(self, motions: Motion) -> tuple[Genes, np.ndarray]:
         """Return the first postures of motions within bounds, and by how much [rad, m] they miss each."""
+        check_motions(motions, self.task)
         first = np.array(motions.q[:, 0])
         genes = np.clip(first, self.xl, self.xu)
         return genes, np.abs(genes - first).max(axis=1)

@@ -8,19 +8,9 @@ from typing import TYPE_CHECKING, Any
 from paretoik.errors import InvalidInput
 from paretoik.formulations.protocol import Differentiable, timeline
 from paretoik.front.names import check_names
-from paretoik.inputs import shown
 
 if TYPE_CHECKING:
     from paretoik.trajectory.plan import Plan
-
-
-def check_formulation(problem: Any) -> None:
-    """Raise InvalidInput unless something has genes and objectives, as pymoo's problems do."""
-    timeline(problem)
-    if isinstance(problem, type) or not (hasattr(problem, "n_obj") and hasattr(problem, "n_var")):
-        raise InvalidInput(f"problem: a pymoo problem wanted, such as Tracking, got {shown(problem)}")
-    if hasattr(problem, "names"):
-        check_names(problem.names, problem.units)
 
 
 def require_program(verb: str, problem: Any) -> Differentiable:

@@ -18,7 +18,7 @@ from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
 from paretoik.formulations.base_motions import choose_bases, positions_on_path, sample_rollouts
 from paretoik.formulations.encoding import Encoding, choose_coefficients, encoding
-from paretoik.formulations.formulation import Formulation, tracking_text
+from paretoik.formulations.formulation import Formulation, check_motions, of_genes, tracking_text
 from paretoik.formulations.interpolation import values_between
 from paretoik.formulations.navigation import navigate, predict
 from paretoik.formulations.protocol import Individuals
@@ -159,6 +159,7 @@ class Tracking(Formulation):
         """Return each individual's base motion: only genes of one base may be crossed."""
         return self.encoding.species(genes)
 
+    @of_genes
     def decode(self, genes: Genes) -> Motion:
         """Return the motions (points, time, dof) of genes (points, n_var)."""
         return self.task.motion(self.encoding.decode(self.task, genes)[0])
@@ -169,6 +170,7 @@ class Tracking(Formulation):
         Each motion is encoded around the base whose decoded genes come nearest to it in every joint at every sample;
         where they miss it by much, the genes do not stand for the motion: use the motion itself.
         """
+        check_motions(motions, self.task, samples=len(self.task.times))
         return self.encoding.encode_nearest(self.task, motions.q)
 
     def translated(self, genes: Genes, labels: Int[np.ndarray, " points"]) -> Genes:

@@ -19,7 +19,7 @@ from jaxtyping import Float, Int
 from paretoik.arrays import Genes
 from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
-from paretoik.formulations.formulation import Formulation
+from paretoik.formulations.formulation import Formulation, of_genes
 from paretoik.inputs import ArrayLike, check_choice, check_seed, check_size, finite_array, positive_number, shown
 from paretoik.resolution.measures import limit_margin, speed_ratio, tracking_error
 from paretoik.resolution.method import Method, Parameter
@@ -163,6 +163,7 @@ class Tuning(Formulation):
         shifts = np.where(judged % 2, (judged + 1) // 2, -(judged // 2))
         return np.asarray((first[:, None] + shifts) % count)
 
+    @of_genes
     def decode(self, genes: Genes) -> ResolvedMotion:
         """Return the motions (points, time, dof) of genes from their own, or first, starts."""
         return self._follow(genes, self.start_indices(genes)[:, :1])

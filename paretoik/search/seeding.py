@@ -21,8 +21,7 @@ def check_problem(problem: Any, *, initial: Any = None) -> None:
 
     Bounds may only be missing or infinite where there are ``initial`` genes to start from.
     """
-    with user_function("problem: a pymoo problem wanted, got one whose attributes cannot be read: it", InvalidInput):
-        check_sizes(problem)
+    check_sizes(problem)
     if not has_real_genes(problem):
         raise InvalidInput(
             f"problem genes: real numbers wanted, got {problem.vtype or 'named variables'}; "
@@ -33,10 +32,11 @@ def check_problem(problem: Any, *, initial: Any = None) -> None:
 
 def check_sizes(problem: Any) -> None:
     """Raise InvalidInput unless this is a pymoo problem with genes and objectives."""
-    if isinstance(problem, type) or not (hasattr(problem, "n_obj") and hasattr(problem, "n_var")):
-        raise InvalidInput(f"problem: a pymoo problem wanted, such as Tracking, got {shown(problem)}")
-    check_size("problem.n_var", problem.n_var, 1)
-    check_size("problem.n_obj", problem.n_obj, 1)
+    with user_function("problem: a pymoo problem wanted, got one whose attributes cannot be read: it", InvalidInput):
+        if isinstance(problem, type) or not (hasattr(problem, "n_obj") and hasattr(problem, "n_var")):
+            raise InvalidInput(f"problem: a pymoo problem wanted, such as Tracking, got {shown(problem)}")
+        check_size("problem.n_var", problem.n_var, 1)
+        check_size("problem.n_obj", problem.n_obj, 1)
 
 
 def check_algorithm(algorithm: object) -> None:

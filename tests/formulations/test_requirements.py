@@ -7,16 +7,17 @@ from pymoo.problems.multi.zdt import ZDT1
 
 import paretoik as pk
 from paretoik.errors import InvalidInput
-from paretoik.formulations.requirements import check_formulation, require_plan, require_program
+from paretoik.formulations.requirements import require_plan, require_program
+from paretoik.search.seeding import check_sizes
 from tests.api.problems import tracking
 
 PLAIN = ZDT1(n_var=3)
 
 
 def test_any_pymoo_problem_can_be_searched_and_nothing_else():
-    check_formulation(PLAIN)
+    check_sizes(PLAIN)
     with pytest.raises(InvalidInput, match="problem: a pymoo problem wanted, such as Tracking, got 3"):
-        check_formulation(3)
+        check_sizes(3)
 
 
 def test_gradients_want_a_program_and_the_verb_is_named():

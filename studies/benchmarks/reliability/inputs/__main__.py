@@ -1,5 +1,7 @@
 """Bad inputs by rules: every class of wrong values for every argument of every public name, and what comes of it.
 
+Problems that are none, as objects and as files, follow in rows of their own.
+
     python -m studies.benchmarks.reliability.inputs [--quick] [--json FILE]
 
 Good is a refusal in one line that names the argument, says the wish and the fact, before any work; poor lacks one of
@@ -18,6 +20,7 @@ from studies.benchmarks.reliability.inputs.accepted import reason
 from studies.benchmarks.reliability.inputs.examples import Examples
 from studies.benchmarks.reliability.inputs.faults import make_files
 from studies.benchmarks.reliability.inputs.judging import Case, cases, judge
+from studies.benchmarks.reliability.inputs.problems import outcomes
 from studies.benchmarks.reliability.inputs.surfaces import surfaces
 from studies.reporting import Row, report, study_parser, tell
 
@@ -51,6 +54,10 @@ def _rows(chosen: list[Case], examples: Examples) -> Iterator[Row]:
         counts.setdefault(case.surface.name.split(".")[0], Counter())[verdict] += 1
         if verdict in ("poor", "bad"):
             tell(f"{verdict}: {case.name}: {outcome.words or 'taken'}")
+    for surface, fault, outcome in outcomes(examples.folder):
+        counts.setdefault(surface, Counter())[outcome.verdict] += 1
+        if outcome.verdict != "good":
+            tell(f"{outcome.verdict}: {surface}: {fault}: {outcome.words}")
     for name, verdicts in {**counts, "all": sum(counts.values(), Counter())}.items():
         for verdict in ("good", "taken", "poor", "bad"):
             goal = {"poor": 0, "bad": 0}.get(verdict)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -81,7 +81,11 @@ class Examples:
     def owner(self, surface: Surface) -> Any:
         """Return the object that a method belongs to."""
         assert surface.owner is not None
-        return self._owners[surface.owner.__name__]()
+        return self._owner(surface.owner.__name__)
+
+    @cache  # noqa: B019, lives as long as the examples
+    def _owner(self, name: str) -> Any:
+        return self._owners[name]()
 
     def _value(self, surface: str, name: str) -> object:
         makers = self._makers
@@ -107,6 +111,7 @@ class Examples:
             "Lexicographic": lambda: pk.Lexicographic("kinetic_energy"),
             "Robust": lambda: pk.Robust(kinetic_energy=1.0),
             "Weights": lambda: pk.Weights(kinetic_energy=1.0),
+            **self.objects.formulations,
             "Braking": lambda: self._braking,
             "Controller": lambda: self._controller,
         }

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import suppress
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import paretoik as pk
+from problems import kim_2021, marcos_2012, wan_2018
 
 
 class Objects:
@@ -68,6 +70,19 @@ class Objects:
         with suppress(pk.InvalidInput):
             pk.solve(self.problem, population=8, generations=2, out=self.folder / "stopped", observe=stop)
         return self.folder / "stopped"
+
+    @property
+    def formulations(self) -> dict[str, Callable[[], Any]]:
+        """Problems of every kind, by the name of their class."""
+        return {
+            "Tracking": lambda: self.problem,
+            "Formulation": lambda: self.problem,
+            "ControlStep": partial(marcos_2012.first_step, 3),
+            "Posture": partial(marcos_2012.first_posture, 3),
+            "DirectionalMaxima": kim_2021.directions_jam,
+            "PointToPoint": kim_2021.point_to_point_jam,
+            "Tuning": partial(wan_2018.weighted_gains, 2),
+        }
 
     @cached_property
     def motion(self) -> pk.Motion:

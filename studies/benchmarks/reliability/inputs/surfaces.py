@@ -49,6 +49,9 @@ GENERIC: dict[str, Kind] = {
 SEAM = ("formulations", "capability", "resolution", "closed_loop", "task.task")
 """Where methods are what packages of the library offer each other; their constructors are public all the same."""
 
+OF_GENES = ("decode", "encode", "evaluate")
+"""Methods of formulations that users call; the rest is the seam to the verbs."""
+
 RESULTS = frozenset(
     {"Arm", "AxesEllipses", "Choice", "FastestPath", "FitErrors", "PerformancePolygon", "Plan", "PolynomialEllipsoids"}
     | {"ResolvedMotion", "TimeOptimalRun"}
@@ -108,7 +111,8 @@ def _callables(name: str, item: Any) -> Iterator[Surface]:
         is_made = item.__name__ not in RESULTS and not issubclass(item, Exception) and not _is_protocol(item)
         if is_made and item.__init__ is not object.__init__:
             yield from _surface(name, None, "", item, skip=0)
-        if not item.__module__.removeprefix("paretoik.").startswith(SEAM) and not _is_protocol(item):
+        home = item.__module__.removeprefix("paretoik.")
+        if not _is_protocol(item) and (not home.startswith(SEAM) or home.startswith("formulations.")):
             yield from _methods(name, item)
     elif callable(item):
         yield from _surface(name, None, "", item, skip=0)
@@ -118,6 +122,9 @@ def _methods(name: str, owner: type) -> Iterator[Surface]:
     for method, item in inspect.getmembers(owner):
         function = getattr(item, "__func__", item)
         if method.startswith("_") or not inspect.isfunction(function) or not function.__module__.startswith("paretoik"):
+            continue
+        has_genes = method in OF_GENES and hasattr(owner, "check_genes")
+        if owner.__module__.startswith("paretoik.formulations.") and not has_genes:
             continue
         bound = isinstance(inspect.getattr_static(owner, method), types.FunctionType)
         yield from _surface(f"{name}.{method}", owner if bound else None, method, item, skip=int(bound))
@@ -131,6 +138,8 @@ def _surface(
     except ValueError:  # of errors that take any text
         return
     arguments = tuple(_argument(parameter, _scope(function)) for parameter in parameters)
+    if method == "evaluate":
+        arguments = arguments[:1]  # the others are pymoo's
     if arguments:
         yield Surface(name=name, owner=owner, method=method, function=function, arguments=arguments)
 
