@@ -10,7 +10,7 @@ that nobody killed, bit for bit, and so is every entry that a resumed run takes 
 second has a bit flipped in its journal first. What was computed since the last entry is the work that a kill loses.
 Then a real journal is cut at every byte of its end and has a bit flipped in every field of every frame; and a search is
 run on disks from 4 kB to what it fills up in its course. The verifier is given good runs of every kind, and copies of
-them with a fault each.
+them with a fault each. Last come faults of users' own code, names and folders.
 """
 
 from __future__ import annotations
@@ -46,6 +46,7 @@ from studies.benchmarks.reliability.kills import (
 )
 from studies.benchmarks.reliability.moments import Moment, spread_kills
 from studies.benchmarks.reliability.phases import PHASES
+from studies.benchmarks.reliability.user_faults import faults
 from studies.benchmarks.reliability.verifier.counting import verifier_rows
 from studies.benchmarks.scaling.local_cluster import local_cluster
 from studies.reporting import Row, report, study_parser, tell
@@ -76,7 +77,7 @@ class ReliabilityOptions:
 
 OPTIONS = ReliabilityOptions()
 LOST: tuple[Outcome, ...] = ("refused", "another course", "another result")
-PARTS = ("kills", "journal", "disks", "verifier")
+PARTS = ("kills", "journal", "disks", "verifier", "faults")
 
 
 def main() -> None:
@@ -97,6 +98,7 @@ def main() -> None:
             "journal": lambda: _journal_rows(folder),
             "disks": lambda: _disk_rows(folder, disks),
             "verifier": lambda: verifier_rows(folder),
+            "faults": lambda: _fault_rows(folder),
         }
         rows = [row for part in PARTS if part in arguments.parts for row in rows_of[part]()]
     report(rows, json_file=arguments.json)
@@ -195,6 +197,18 @@ def _disk_rows(folder: Path, count: int) -> Iterator[Row]:
     yield place(column="disks", unit="", ours=len(disks), note=words)
     yield place(column="lost", unit="", ours=outcomes["lost"], reference=0, source="goal", note=lost)
     yield place(column="longer than on a large one, most", unit="s", ours=longer, reference=10, source="goal")
+
+
+def _fault_rows(folder: Path) -> Iterator[Row]:
+    counts, bad = Counter[str](), Counter[str]()
+    for fault in faults(folder):
+        counts[fault.kind] += 1
+        if fault.wrong:
+            bad[fault.kind] += 1
+            tell(f"{fault.kind}: {fault.name}: {fault.wrong}")
+    for kind, count in counts.items():
+        place = partial(Row, table="faults", row=kind, unit="")
+        yield place(column="bad", ours=bad[kind], reference=0, source="goal", note=f"of {count}")
 
 
 def _journal_of(command: tuple[str, ...], folder: Path) -> bytes:

@@ -1,0 +1,361 @@
+"""Faults of users' own code, names and folders, and what each comes to: one line of our own, or worse.
+
+Observers raise in every stage of every verb. Factories, objectives and modules raise what is no Exception, by command
+too. Objectives have values that are none, write to their motion, or sleep. A folder is used again after a failure, or
+named with an escape sequence, and so are joints. A module beside the problem has the name of one of Python's own.
+"""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import time
+import warnings
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import paretoik as pk
+from paretoik.errors import ParetoikError
+from paretoik.run_files import has_result
+from paretoik.user_functions import cause_of
+
+ESCAPE = "\x1b[31m\x1b]0;title\x07"
+LINE, SECONDS, LIMIT, SLEEP = 400, 180.0, 0.5, 600.0  # characters of a message; s until an end, limit given, asleep
+SMALL: dict[str, Any] = {"population": 12, "generations": 4, "seed": 1}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fault:
+    """A fault of a ``kind``, by name, with what is wrong with what it came to; "" if nothing is."""
+
+    kind: str
+    name: str
+    wrong: str
+
+
+def faults(folder: Path) -> Iterator[Fault]:
+    """Yield every fault."""
+    yield from _observers(folder)
+    yield from _values()
+    yield from _writers()
+    yield from _used_folders(folder)
+    yield from _sleepers()
+    yield from _commands(folder)
+    yield from _shadows(folder)
+    yield from _names(folder)
+
+
+def problem(*objectives: Any, **limits: Any) -> pk.Tracking:
+    """Return a small problem."""
+    path = pk.line((0.4678, 0.0), (0.0983, 0.1526), duration=1.0, samples=21)
+    goals = objectives or (pk.kinetic_energy, pk.torque_norm)
+    limited = pk.Limits(**limits)
+    return pk.Tracking(pk.arms.tringali_3r(), path, objectives=goals, limits=limited, coefficients=4, bases=2)
+
+
+def _verbs(folder: Path) -> dict[str, Callable[..., Any]]:
+    """Return verbs of small problems, which take an observer and a folder."""
+    pk.solve(problem(), **SMALL, points=4, out=folder / "source", observe=False)
+    source = pk.load_front(folder / "source", problem())
+    loop = pk.ClosedLoop(
+        pk.arms.tringali_3r(),
+        pk.circle((0.30, 0.10), 0.005, duration=1.0, samples=11),
+        objectives=[pk.joint_displacement, pk.position_error],
+        population=12,
+        generations=4,
+    )
+    return {
+        "solve": partial(pk.solve, problem(), **SMALL, points=4, refine=True),
+        "plan": partial(pk.plan, problem(pk.kinetic_energy), starts=4),
+        "epsilon_front": partial(pk.epsilon_front, problem(), points=3, starts=4),
+        "refine": partial(pk.refine, source),
+        "a closed loop": partial(pk.solve, loop),
+        "verify": lambda *, observe, out: pk.verify(folder / "source", problem(), observe=observe),
+    }
+
+
+def _observers(folder: Path) -> Iterator[Fault]:
+    """Raise in every stage, the first time and the last: what was found is kept, and the observer named."""
+    for verb, call in _verbs(folder).items():
+        stages = list[str]()
+        call(observe=lambda progress, stages=stages: stages.append(progress.stage), out=folder / verb)
+        for stage in dict.fromkeys(each for each in stages if each != "compilation"):
+            for last in sorted({1, stages.count(stage)}):
+                seen = list[str]()
+
+                def watch(progress: Any, stage: str = stage, last: int = last, seen: list[str] = seen) -> None:
+                    seen.append(progress.stage)
+                    if seen.count(stage) == last:
+                        raise LookupError("no more")
+
+                place = folder / f"{verb} {stage} {last}"
+                wrong = _refusal(partial(call, observe=watch, out=place), "observe raised LookupError: no more")
+                if stage in ("saving", "recording") and not has_result(place):
+                    wrong = wrong or "its result is lost"
+                yield Fault(kind="observers that raise", name=f"{verb}, {stage}, call {last}", wrong=wrong)
+
+
+def _objective(values: Callable[[Any], Any]) -> Any:
+    return pk.objective(unit="", form="general", name="odd")(values)
+
+
+ODD: dict[str, Callable[[Any], Any]] = {
+    "masked": lambda motion: np.ma.array(motion.q[..., 0, 0], mask=True),
+    "complex": lambda motion: motion.q[..., 0, 0] * 1j,
+    "one row too many": lambda motion: motion.q[..., 0, :],
+    "a column": lambda motion: motion.q[..., 0, :1],
+    "text": lambda motion: "abc",
+    "None": lambda motion: None,
+    "objects": lambda motion: np.full(motion.q.shape[:-2], object()),
+    "a generator": lambda motion: (row for row in motion.q),
+    "a set": lambda motion: {1.0},
+    "dates": lambda motion: np.zeros(motion.q.shape[:-2], dtype="datetime64[s]"),
+    "NaN": lambda motion: motion.q[..., 0, 0] * np.nan,
+    "infinite": lambda motion: motion.q[..., 0, 0] + np.inf,
+}
+
+
+def _values() -> Iterator[Fault]:
+    """Let an objective have values that are none: it is named, before the search or once all fail."""
+    for name, values in ODD.items():
+        for verb in ("solve", "plan", "epsilon_front"):
+            call = partial(_solved_by, verb, values)
+            yield Fault(kind="odd values", name=f"{name}, {verb}", wrong=_refusal(call, "odd"))
+
+
+def _solved_by(verb: str, values: Callable[[Any], Any]) -> Any:
+    odd = _objective(values)
+    if verb == "plan":
+        return pk.plan(problem(odd), starts=2, observe=False)
+    if verb == "solve":
+        return pk.solve(problem(pk.kinetic_energy, odd), **SMALL, observe=False)
+    return pk.epsilon_front(problem(pk.kinetic_energy, odd), points=2, starts=2, observe=False)
+
+
+WRITES: dict[str, Callable[[Any], Any]] = {
+    "q[...] = 0": lambda motion: motion.q.__setitem__(..., 0.0),
+    "q += 1": lambda motion: motion.q.__iadd__(1.0),
+    "q.sort()": lambda motion: motion.q.sort(axis=-1),
+    "dq[...] = 0": lambda motion: motion.dq.__setitem__(..., 0.0),
+    "time[...] = 0": lambda motion: motion.time.__setitem__(..., 0.0),
+    "torque *= 0": lambda motion: motion.torque.__imul__(0.0),
+    "np.copyto": lambda motion: np.copyto(motion.q, 0.0),
+    "out=": lambda motion: np.add(motion.q, 1.0, out=motion.q),
+}
+
+
+def _writers() -> Iterator[Fault]:
+    """Let an objective write to its motion: it is refused by name, or changes nothing."""
+    for name, write in WRITES.items():
+
+        def values(motion: Any, write: Callable[[Any], Any] = write) -> Any:
+            write(motion)
+            return motion.integral(motion.dq[..., 0] ** 2)
+
+        for verb in ("solve", "plan"):
+            wrong = _refusal(partial(_solved_by, verb, values), "odd")
+            yield Fault(kind="objectives that write", name=f"{name}, {verb}", wrong=wrong)
+
+
+def _used_folders(folder: Path) -> Iterator[Fault]:
+    """Run into the folder of a run that failed, again without permission to overwrite."""
+    failing: dict[str, Callable[..., Any]] = {
+        "infeasible": partial(pk.solve, problem(velocity=1e-3), **SMALL),
+        "infeasible plan": partial(pk.plan, problem(pk.kinetic_energy, velocity=1e-3), starts=2),
+        "every evaluation fails": partial(_solved_into, "solve"),
+        "no value in plan": partial(_solved_into, "plan"),
+    }
+    for name, call in failing.items():
+        place = folder / f"failed {name}"
+        _refusal(partial(call, out=place), "")
+        wrong = ""
+        try:
+            pk.solve(problem(), **SMALL, out=place, observe=False)
+        except ParetoikError as refusal:
+            wrong = str(refusal)
+        yield Fault(kind="failed folders", name=name, wrong=wrong)
+
+
+def _solved_into(verb: str, out: Path) -> Any:
+    odd = _objective(lambda motion: motion.q[..., 0, 0] * np.nan)
+    if verb == "plan":
+        return pk.plan(problem(odd), starts=2, out=out, observe=False)
+    return pk.solve(problem(pk.kinetic_energy, odd), **SMALL, out=out, observe=False)
+
+
+def _sleepers() -> Iterator[Fault]:
+    """Let an objective sleep from its first call in a verb on: a limit ends it, by name."""
+    few: dict[str, Any] = {"population": 4, "generations": 1}
+    verbs: dict[str, Callable[..., Any]] = {
+        "solve": partial(pk.solve, **few),
+        "plan": pk.plan,
+        "epsilon_front": pk.epsilon_front,
+    }
+    for verb in verbs:
+        asleep = [False]
+
+        def values(motion: Any, asleep: list[bool] = asleep) -> Any:
+            if asleep[0]:
+                time.sleep(SLEEP)
+            return motion.q[..., 0, 0] ** 2
+
+        slow = problem(_objective(values)) if verb == "plan" else problem(pk.kinetic_energy, _objective(values))
+        asleep[0] = True
+        wrong = _refusal(partial(verbs[verb], slow, time_limit=LIMIT, observe=False), "odd took longer")
+        yield Fault(kind="sleeping functions", name=f"{verb}, time_limit", wrong=wrong)
+        if verb == "solve":
+            late = partial(verbs[verb], slow, evaluation_timeout=LIMIT, workers=1, observe=False)
+            wrong = _refusal(late, "took longer than|failed")
+            yield Fault(kind="sleeping functions", name=f"{verb}, evaluation_timeout", wrong=wrong)
+
+
+HEAD = """import sys, time
+import numpy as np
+import paretoik as pk
+
+PATH = pk.line((0.4678, 0.0), (0.0983, 0.1526), duration=1.0, samples=21)
+
+def small(*objectives):
+    return pk.Tracking(pk.arms.tringali_3r(), PATH, objectives=objectives, coefficients=4, bases=2)
+
+class Own(BaseException):
+    pass
+
+class Untold(Exception):
+    def __str__(self):
+        raise ValueError
+"""
+RAISES = {
+    "sys.exit(0)": "sys.exit(0)",
+    "sys.exit()": "sys.exit()",
+    "KeyboardInterrupt": "raise KeyboardInterrupt",
+    "GeneratorExit": "raise GeneratorExit",
+    "BaseException": "raise Own('two\\nlines')",
+    "no text": "raise Untold",
+    "an escape sequence": f"raise ValueError({ESCAPE!r})",
+    "sleep": "time.sleep(600)",
+}
+PLACES = {
+    "module": "{code}\ndef mine() -> pk.Tracking:\n    return small(pk.kinetic_energy, pk.torque_norm)\n",
+    "factory": "def mine() -> pk.Tracking:\n    {code}\n    return small(pk.kinetic_energy, pk.torque_norm)\n",
+    "objective": '@pk.objective(unit="", form="general")\ndef odd(motion):\n    {code}\n'
+    "    return motion.q[..., 0, 0]\n\n"
+    "def mine() -> pk.Tracking:\n    return small(pk.kinetic_energy, odd)\n",
+}
+
+
+def _commands(folder: Path) -> Iterator[Fault]:
+    """Raise, or sleep, in modules, factories and objectives of a command: one line, and exit code 2 or 4."""
+    for place, text in PLACES.items():
+        for name, code in RAISES.items():
+            file = folder / f"mine_{place}_{list(RAISES).index(name)}.py"
+            file.write_text(HEAD + text.format(code=code))
+            limits = {"sleep": ["--time-limit", "1"]}.get(name, [])
+            words = [
+                "solve",
+                f"{file}:mine",
+                "--out",
+                str(folder / file.stem),
+                "--population",
+                "8",
+                "--generations",
+                "2",
+            ]
+            yield Fault(kind="commands", name=f"{name} in a {place}", wrong=_command(*words, "--quiet", *limits))
+            if name == "sleep" and place == "objective":
+                wrong = _command(*words, "--quiet", "--overwrite", "--evaluation-timeout", "0.3")
+                yield Fault(kind="commands", name=f"evaluation timeout in an {place}", wrong=wrong)
+
+
+def _command(*words: str, codes: tuple[int, ...] = (2, 4)) -> str:
+    """Return what is wrong with how a command ends and what it prints."""
+    try:
+        ended = subprocess.run(
+            [sys.executable, "-m", "paretoik", *words], capture_output=True, text=True, timeout=SECONDS, check=False
+        )
+    except subprocess.TimeoutExpired:
+        return f"does not end within {SECONDS:g} s"
+    if ended.returncode not in codes:
+        return f"exit code {ended.returncode}: {ended.stderr[-LINE:]!r}"
+    printed = ended.stdout + ended.stderr
+    lines = [line for line in ended.stderr.splitlines() if not line.startswith(("compiling", "note:"))]
+    if "Traceback" in printed or (0 not in codes and (len(lines) != 1 or not lines[0].startswith("error: "))):
+        return f"not one line: {ended.stderr[-LINE:]!r}"
+    return "" if _is_harmless(printed) else f"steers a terminal: {printed[-LINE:]!r}"
+
+
+def _is_harmless(text: str) -> bool:
+    return all(each.isprintable() for each in re.sub(r"[\n\t]", "", text))
+
+
+def _shadows(folder: Path) -> Iterator[Fault]:
+    """Put modules with names of Python's own beside the problem: they run nowhere."""
+    place = folder / "shadowed"
+    place.mkdir()
+    for name in ("secrets", "queue", "numpy", "json", "signal", "pickle", "random", "sitecustomize"):
+        (place / f"{name}.py").write_text(f"open({str(place / 'ran')!r}, 'a').write({name!r})\nraise SystemExit(9)\n")
+    (place / "mine.py").write_text(HEAD + PLACES["factory"].format(code="pass"))
+    for name, options in {"alone": [], "with workers": ["--workers", "2"]}.items():
+        words = ["solve", f"{place / 'mine.py'}:mine", "--out", str(place / name), "--population", "8"]
+        wrong = _command(*words, "--generations", "2", "--quiet", *options, codes=(0,))
+        ran = (place / "ran").read_text() if (place / "ran").exists() else ""
+        yield Fault(kind="shadowed modules", name=name, wrong=wrong or (ran and f"ran: {ran}"))
+
+
+def _names(folder: Path) -> Iterator[Fault]:
+    """Give folders, files and joints names with escape sequences: text, pages and pictures have none."""
+    place = folder / f"run{ESCAPE}"
+    file = folder / f"mine{ESCAPE}.py"
+    file.write_text(HEAD + PLACES["factory"].format(code="pass"))
+    reference = f"{file}:mine"
+    urdf = Path(pk.__file__).parents[1] / "problems" / "robots" / "panda.urdf"
+    robot = folder / "robot.urdf"
+    robot.write_text(urdf.read_text().replace('"panda_joint1"', '"joint\u009b31m"'))
+    commands = {
+        "solve": ["solve", reference, "--out", str(place), "--population", "8", "--generations", "2"],
+        "resume": ["resume", str(place), "--problem", reference],
+        "verify": ["verify", str(place), "--problem", reference],
+        "select": ["select", str(place), "--knee", "--problem", reference],
+        "report": ["report", str(place), "--problem", reference],
+        "compare": ["compare", str(place), str(place)],
+        "list": ["list", str(file)],
+        "show": ["show", str(place / "nothing")],
+        "check-robot": ["check-robot", str(robot), "--base", "panda_link0", "--tip", "panda_hand_tcp"],
+        "a missing robot": ["check-robot", str(folder / f"none{ESCAPE}.urdf")],
+    }
+    for name, words in commands.items():
+        yield Fault(kind="names that steer", name=name, wrong=_harmless_command(*words))
+    for page in sorted([*place.rglob("*.html"), *place.rglob("*.svg")]):
+        text = page.read_text(errors="replace")
+        yield Fault(kind="names that steer", name=page.suffix, wrong="" if "\x1b" not in text else "an escape sequence")
+
+
+def _harmless_command(*words: str) -> str:
+    wrong = _command(*words, codes=(0, 1, 2, 3, 4, 5, 6, 7))
+    return wrong if wrong.startswith(("steers", "not one line: 'Traceback", "does not end")) else ""
+
+
+def _refusal(call: Callable[[], object], words: str) -> str:
+    """Return what is wrong with what a call raises: wanted is one printable line of our own that has the words."""
+    began = time.monotonic()
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            call()
+    except ParetoikError as refusal:
+        text = str(refusal)
+        if not text.isprintable() or len(text) > LINE:
+            return f"not one line: {text!r}"
+        if not re.search(words, text):
+            return f"another cause: {text}"
+    except BaseException as error:
+        return cause_of(error)
+    else:
+        return "taken"
+    return "" if time.monotonic() - began < SECONDS else "too late"
