@@ -132,5 +132,7 @@ def test_quick_writes_strict_json(tmp_path, monkeypatch):
     rows = json.loads(file.read_text())
     assert {row["row"] for row in rows} >= {"no obstacles", "with two obstacles", "3R", "all"}
     papers = [row for row in rows if row["source"] == "paper"]
-    assert [row["table"].split(":")[0] for row in papers] == ["Table 1", "Table 2", "Table 3", "Table 4"]
+    assert {(row["table"].split(":")[0], row["column"]) for row in papers} == {
+        (table, arm) for table in ("Table 1", "Table 2", "Table 3", "Table 4") for arm in ("3R", "4R")
+    }
     assert all(row["note"] for row in papers)
