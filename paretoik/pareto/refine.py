@@ -83,9 +83,8 @@ def refine(
             ends[i] = values
             while done < count and all(j in ends for j in range(done, min(done + OPTIONS.batch, count))):
                 done = min(done + OPTIONS.batch, count)
-                if observe is not None and observe(
-                    done, count, ends[done - 1]["x"]
-                ):  # whoever computed: these are refined, no others
+                stop = observe is not None and observe(done, count, ends[done - 1]["x"])
+                if stop:  # whoever computed: these are refined, no others
                     return _points_of({j: ends[j] for j in range(done)}, x)
     return _points_of(ends, x)
 

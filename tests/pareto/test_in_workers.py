@@ -35,8 +35,9 @@ def test_workers_refine_points_to_the_same_bit_for_bit(executor):
 
 
 def test_an_observer_that_ends_refinement_leaves_the_same_points_as_they_were_whoever_refines(executor):
-    def ends_after_eight(done: int, total: int) -> bool:
+    def ends_after_eight(done: int, total: int, point: np.ndarray) -> bool:
         assert total == len(POINTS)
+        assert point.shape == POINTS[0].shape
         return done >= 8
 
     alone, converged = refine(PROGRAM, POINTS, 2, observe=ends_after_eight)

@@ -80,17 +80,19 @@ def test_points_that_a_solver_stops_short_of_are_led_on_to_critical_ones_no_wors
 
 @pytest.mark.parametrize("last", [1, 3, 8])
 def test_where_observe_returns_true_later_points_stay_as_they_were(last):
-    program, ranges, seen = sketched(2, ellipses), np.array([2.0, 25.0]), []
+    program, ranges, seen, points = sketched(2, ellipses), np.array([2.0, 25.0]), [], []
     z = beside(8, seed=0)
 
-    def observe(done, total):
+    def observe(done, total, point):
         seen.append((done, total))
+        points.append(point)
         return done == last
 
     refined_points, good = refined(program, z, ranges, observe)
     every, _ = refined(program, z, ranges)
     assert seen == [(done, 8) for done in range(1, last + 1)]
     assert np.array_equal(refined_points[:last], every[:last])
+    assert np.array_equal(points, every[:last])
     assert np.array_equal(refined_points[last:], z[last:])
     assert good.tolist() == [True] * last + [False] * (8 - last)
     assert not (every == z).all(axis=1).any()
