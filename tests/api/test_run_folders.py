@@ -62,11 +62,11 @@ def test_a_front_that_a_killed_process_was_to_replace_is_named_and_can_be_opened
 def test_a_plan_that_cannot_begin_leaves_the_run_that_it_was_to_replace(tmp_path):
     problem = tracking(pk.kinetic_energy)
     plan = pk.plan(problem, starts=4, out=tmp_path)
-    before = {file.name: file.read_bytes() for file in tmp_path.iterdir()}
+    before = {file.name: file.read_bytes() for file in tmp_path.iterdir() if file.is_file()}
     strange = pk.plan(drawn(7), starts=4).best.motion
     with pytest.raises(pk.InvalidInput, match="initial"):
         pk.plan(problem, starts=4, initial=strange, out=tmp_path, overwrite=True)
-    assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == before
+    assert {file.name: file.read_bytes() for file in tmp_path.iterdir() if file.is_file()} == before
     assert pk.load_plan(tmp_path, problem).best.objective == plan.best.objective
 
 

@@ -102,6 +102,7 @@ def test_observe_sees_every_generation_as_the_user_knows_it(problem):
 
     seen = []
     front = solve(tracking(pk.kinetic_energy, height), **QUICK, observe=seen.append)
+    seen = [progress for progress in seen if progress.stage != "compilation"]  # of what no test before this one used
     assert [(progress.stage, progress.done, progress.total) for progress in seen] == [
         ("generation", number, 6) for number in range(1, 7)
     ]

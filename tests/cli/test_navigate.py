@@ -76,10 +76,10 @@ def test_a_wrong_wish_is_one_line_and_changes_nothing(paretoik, run):
 def test_a_wrong_wish_leaves_the_run_that_the_new_front_was_to_replace(paretoik, run, tmp_path):
     other = shutil.copytree(run, tmp_path / "other")
     (other / CHOICES).write_text("choices")
-    before = {file.name: file.read_bytes() for file in other.iterdir()}
+    before = {file.name: file.read_bytes() for file in other.iterdir() if file.is_file()}
     words = ("navigate", run, "--point", middle(run), "--improve", "torque", "--out", other, "--overwrite")
     assert paretoik(*words).code == 2
-    assert {file.name: file.read_bytes() for file in other.iterdir() if file.name != LOCK} == before
+    assert {file.name: file.read_bytes() for file in other.iterdir() if file.is_file() and file.name != LOCK} == before
 
 
 def test_the_run_itself_is_no_other_folder(paretoik, run):

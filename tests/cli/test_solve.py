@@ -61,12 +61,12 @@ def test_what_a_users_functions_print_does_not_mix_with_the_result(paretoik, min
 
 
 def test_a_run_is_not_replaced_unless_told(paretoik, mine, finished):
-    before = {file.name: file.read_bytes() for file in finished.iterdir()}
+    before = {file.name: file.read_bytes() for file in finished.iterdir() if file.is_file()}
     refused = paretoik("solve", f"{mine}:good", "--out", finished, *SMALL, "--quiet")
     assert refused.code == 2
     assert "--overwrite" in refused.err
     before.pop(".lock")
-    assert {file.name: file.read_bytes() for file in finished.iterdir() if file.name in before} == before
+    assert {file.name: file.read_bytes() for file in finished.iterdir() if file.is_file() and file.name in before} == before
 
 
 def test_an_infeasible_problem_names_the_limit_and_ends_with_3(paretoik, mine, tmp_path):
