@@ -66,7 +66,7 @@ def test_a_run_is_not_replaced_unless_told(paretoik, mine, finished):
     assert refused.code == 2
     assert "--overwrite" in refused.err
     before.pop(".lock")
-    assert {file.name: file.read_bytes() for file in finished.iterdir() if file.is_file() and file.name in before} == before
+    assert {name: (finished / name).read_bytes() for name in before} == before
 
 
 def test_an_infeasible_problem_names_the_limit_and_ends_with_3(paretoik, mine, tmp_path):
