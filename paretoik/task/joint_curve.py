@@ -1,8 +1,9 @@
-"""The curve of a motion between its samples, and the velocities and accelerations of its projection onto the path.
+"""The curve of a motion: its spline projected onto the path, with exact velocities and accelerations.
 
-Where s(t) is the spline of a motion, J its tasks' Jacobian and W the joint scales, the projection moves along the
-normal directions at s: q = s + D(s) λ with D = W² Jᵀ, until the tasks' equations g(q, t) = 0 hold. The derivatives of
-both are linear systems for λ̇ and λ̈, of one matrix, ∂g/∂q D: the implicit function theorem.
+The spline is s(t), J the tasks' Jacobian and W the joint scales. The projection moves along directions D(t),
+q = s + D λ, until the tasks' equations g(q, t) = 0 hold. At the samples and the middles between them D spans the normal
+directions W² Jᵀ at s and stands still; in between it blends from one to the next, with two continuous derivatives. The
+derivatives of λ follow from linear systems of one matrix, ∂g/∂q D: the implicit function theorem.
 """
 
 from __future__ import annotations
@@ -22,11 +23,12 @@ from paretoik.autodiff.tape import Tape, as_entry
 from paretoik.robot.arm import Arm
 from paretoik.robot.scales import joint_scales
 from paretoik.tables import field_representation, html_representation
-from paretoik.task.retraction import OPTIONS
-from paretoik.task.task import Task, path_equations, path_jacobian
+from paretoik.task.retraction import OPTIONS, solve_small_systems
+from paretoik.task.task import Task, path_equations
 
 Columns: TypeAlias = Float[np.ndarray, "points columns"]
 Matrices: TypeAlias = Float[np.ndarray, "points rows columns"]
+Frames: TypeAlias = Float[np.ndarray, "*batch instants dof rows"]
 
 
 class JointState(NamedTuple):
@@ -54,51 +56,72 @@ def interpolate(q: JointPaths, time: Series, t: Times, *, cyclic: bool, order: i
     return values.reshape(*q.shape[:-2], len(t), q.shape[-1])
 
 
-def project_rates(arm: Arm, tasks: Sequence[Task], spline: JointState, q: JointPaths, t: Times) -> JointState:
-    """Return the state of a spline's projection onto the path at times t [s], where its positions are q.
+class Directions(NamedTuple):
+    """Directions of the projection (*batch, instants, dof, rows), and their first and second derivatives."""
+
+    at: Frames
+    first: Frames
+    second: Frames
+
+
+def blend_directions(nodes: Frames, node_times: Series, t: Times) -> Directions:
+    """Return directions at increasing times t [s] from those at the nodes, where they stand still."""
+    times = node_times.reshape(-1, node_times.shape[-1])
+    rows = times[:1] if np.all(times == times[0]) else times
+    index = np.stack([np.clip(np.searchsorted(row, t, side="right") - 1, 0, len(row) - 2) for row in rows])
+    begin, end = (np.take_along_axis(rows, index + k, axis=1) for k in (0, 1))
+    step = end - begin
+    x = np.clip((t - begin) / step, 0.0, 1.0)
+    # the polynomial from 0 to 1 whose first and second derivatives vanish at both ends
+    weights = x**3 * (10 - 15 * x + 6 * x**2), 30 * (x * (1 - x)) ** 2 / step, 60 * x * (1 - x) * (1 - 2 * x) / step**2
+    flat = nodes.reshape(-1, *nodes.shape[-3:])
+    index = np.broadcast_to(index, (len(flat), len(t)))
+    before, after = (np.take_along_axis(flat, (index + k)[..., None, None], axis=1) for k in (0, 1))
+    shape = (*nodes.shape[:-3], len(t), *nodes.shape[-2:])
+    value, first, second = (w[..., None, None] * (after - before) for w in weights)
+    return Directions((before + value).reshape(shape), first.reshape(shape), second.reshape(shape))
+
+
+def target_rates(tasks: Sequence[Task], t: Times) -> tuple[Float[np.ndarray, "time numbers"], ...]:
+    """Return the targets of all tasks at times t [s], and their first and second derivatives."""
+    rates = [task.target_rates(t) for task in tasks]
+    parts = [task.targets(t) for task in tasks], [first for first, _ in rates], [second for _, second in rates]
+    return tuple(np.concatenate(part, axis=1) for part in parts)
+
+
+def project_rates(
+    arm: Arm,
+    tasks: Sequence[Task],
+    spline: JointState,
+    directions: Directions,
+    q: JointPaths,
+    targets: Sequence[Float[np.ndarray, "*#batch instants numbers"]],
+) -> JointState:
+    """Return the state of a spline's projection along directions, where its positions are q on the path.
 
     Exact up to rounding: no differences are taken. The system is regular where the projection succeeded, because
-    that changes no determinant's sign. Raises InvalidInput where a path does not know its velocities.
+    that changes no determinant's sign.
     """
-    rates = [task.target_rates(t) for task in tasks]
-    targets = [
-        np.concatenate(parts, axis=1)
-        for parts in (
-            [task.targets(t) for task in tasks],
-            [first for first, _ in rates],
-            [second for _, second in rates],
-        )
-    ]
-    flat = [np.broadcast_to(part, (*q.shape[:-1], part.shape[-1])).reshape(-1, part.shape[-1]) for part in targets]
-    state = [part.reshape(-1, arm.dof) for part in spline]
-    dq, ddq = _differentiate(arm, tasks, state, q.reshape(-1, arm.dof), flat)
-    return JointState(q, dq.reshape(q.shape), ddq.reshape(q.shape))
+    x, dx, ddx = (
+        np.broadcast_to(part, (*q.shape[:-1], part.shape[-1])).reshape(-1, part.shape[-1]) for part in targets
+    )
+    s, ds, dds, q_flat = (part.reshape(-1, arm.dof) for part in (*spline, q))
+    moving, turning, bending = (part.reshape(-1, *part.shape[-2:]) for part in directions)
+    equations, rows, zero = _equations_evaluator(arm, tasks), moving.shape[-1], np.zeros_like(s)
+    scaled = moving / joint_scales(arm)[:, None]
+    right = _apply(np.swapaxes(scaled, -1, -2), (q_flat - s) / joint_scales(arm))
+    multipliers, _ = solve_small_systems(np.swapaxes(scaled, -1, -2) @ scaled, right)  # λ
+    slopes, drift, _ = _evaluate(equations, rows, arm.dof, [q_flat, zero, zero, x, dx, ddx])
+    matrix = slopes @ moving
 
+    dq = ds + _apply(turning, multipliers)  # ṡ + Ḋ λ, and then + D λ̇
+    rate, _ = solve_small_systems(matrix, -(drift + _apply(slopes, dq)))
+    dq = dq + _apply(moving, rate)
 
-def _differentiate(
-    arm: Arm, tasks: Sequence[Task], spline: Sequence[Columns], q: Columns, targets: Sequence[Columns]
-) -> tuple[Columns, Columns]:
-    s, ds, dds = spline
-    squares, zero = joint_scales(arm) ** 2, np.zeros_like(q)
-    normals, equations = _normals_evaluator(arm, tasks), _equations_evaluator(arm, tasks)
-    rows = sum(task.rows for task in tasks)
-
-    jacobian, _, _ = _evaluate(normals, rows, arm.dof, [*spline, np.zeros((len(q), rows))])
-    directions = squares[:, None] * jacobian.swapaxes(-1, -2)  # D
-    multipliers = _apply(np.linalg.pinv(directions), q - s)  # λ
-    _, turn, bend = _evaluate(normals, rows, arm.dof, [*spline, multipliers])
-    slopes, drift, _ = _evaluate(equations, rows, arm.dof, [q, zero, zero, *targets])
-    matrix = slopes @ directions
-
-    dq = ds + squares * turn  # ṡ + Ḋ λ, and then + D λ̇
-    rate = np.linalg.solve(matrix, -(drift + _apply(slopes, dq))[..., None])[..., 0]
-    dq = dq + _apply(directions, rate)
-
-    _, turn, _ = _evaluate(normals, rows, arm.dof, [*spline, rate])
-    _, _, drift = _evaluate(equations, rows, arm.dof, [q, dq, zero, *targets])
-    ddq = dds + squares * (bend + 2 * turn)  # s̈ + D̈ λ + 2 Ḋ λ̇, and then + D λ̈
-    rate = np.linalg.solve(matrix, -(drift + _apply(slopes, ddq))[..., None])[..., 0]
-    return dq, ddq + _apply(directions, rate)
+    _, _, drift = _evaluate(equations, rows, arm.dof, [q_flat, dq, zero, x, dx, ddx])
+    ddq = dds + _apply(bending, multipliers) + 2 * _apply(turning, rate)  # s̈ + D̈ λ + 2 Ḋ λ̇, and then + D λ̈
+    rate, _ = solve_small_systems(matrix, -(drift + _apply(slopes, ddq)))
+    return JointState(q, dq.reshape(q.shape), (ddq + _apply(moving, rate)).reshape(q.shape))
 
 
 def _apply(matrices: Matrices, vectors: Columns) -> Columns:
@@ -114,39 +137,23 @@ def _evaluate(
     return values[:, : rows * dof].reshape(-1, rows, dof), first, second
 
 
-def _normals_evaluator(arm: Arm, tasks: Sequence[Task]) -> Evaluator:
-    """Return the evaluator of J(s), and of (Jᵀ)˙ λ and (Jᵀ)¨ λ, at s, ṡ, s̈ and λ."""
-
-    def build(tape: Tape) -> list[int]:
-        s, ds, dds = _inputs(tape, arm.dof, 3)
-        (multipliers,) = _inputs(tape, sum(task.rows for task in tasks), 1)
-        jacobian = path_jacobian(arm, tasks, s)
-        sums: list[Any] = [
-            sum((m * entry for m, entry in zip(multipliers, jacobian[j :: arm.dof], strict=True)), start=0.0)
-            for j in range(arm.dof)
-        ]
-        directions = _directions(s, ds)
-        first = tangents(tape, [as_entry(tape, value) for value in sums], directions)
-        second = tangents(tape, first, directions | _directions(ds, dds))
-        return [*(as_entry(tape, entry) for entry in jacobian), *first, *second]
-
-    return _cached("normals", arm, tasks, build)
-
-
 def _equations_evaluator(arm: Arm, tasks: Sequence[Task]) -> Evaluator:
     """Return the evaluator of ∂g/∂q, and of ġ and g̈, at q, q̇ and q̈ and the targets with their derivatives."""
-
-    def build(tape: Tape) -> list[int]:
+    key = arm, *((task.frame, task.axes) for task in tasks)
+    if key not in _EVALUATORS:
+        tape = Tape()
         q, dq, ddq = _inputs(tape, arm.dof, 3)
         targets, rates, accelerations = _inputs(tape, sum(task.target_size for task in tasks), 3)
         equations = [as_entry(tape, value) for value in path_equations(arm, tasks, q, targets)]
-        directions = _directions(q, dq) | _directions(targets, rates)
-        first = tangents(tape, equations, directions)
-        second = tangents(tape, first, directions | _directions(dq, ddq) | _directions(rates, accelerations))
+        moving = _directions(q, dq) | _directions(targets, rates)
+        first = tangents(tape, equations, moving)
+        second = tangents(tape, first, moving | _directions(dq, ddq) | _directions(rates, accelerations))
         wrt = [value.index for value in q]
-        return [*(entry for equation in equations for entry in gradient(tape, equation, wrt)), *first, *second]
-
-    return _cached("equations", arm, tasks, build)
+        slopes = [entry for equation in equations for entry in gradient(tape, equation, wrt)]
+        _EVALUATORS[key] = compile_evaluator(tape, [*slopes, *first, *second])
+        if len(_EVALUATORS) > OPTIONS.cache_size:
+            _EVALUATORS.popitem(last=False)
+    return _EVALUATORS[key]
 
 
 def _inputs(tape: Tape, count: int, kinds: int) -> list[list[Any]]:
@@ -155,16 +162,6 @@ def _inputs(tape: Tape, count: int, kinds: int) -> list[list[Any]]:
 
 def _directions(values: Sequence[Any], rates: Sequence[Any]) -> dict[int, int]:
     return {value.index: rate.index for value, rate in zip(values, rates, strict=True)}
-
-
-def _cached(kind: str, arm: Arm, tasks: Sequence[Task], build: Any) -> Evaluator:
-    key = kind, arm, *((task.frame, task.axes) for task in tasks)
-    if key not in _EVALUATORS:
-        tape = Tape()
-        _EVALUATORS[key] = compile_evaluator(tape, build(tape))
-        if len(_EVALUATORS) > OPTIONS.cache_size:
-            _EVALUATORS.popitem(last=False)
-    return _EVALUATORS[key]
 
 
 _EVALUATORS: OrderedDict[Any, Evaluator] = OrderedDict()

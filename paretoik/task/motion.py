@@ -24,12 +24,20 @@ from paretoik.task.differences import (
     quadrature_weights,
     second_derivative,
     simpson_weights,
+    with_midpoints,
 )
 from paretoik.task.distances import clearance
-from paretoik.task.joint_curve import JointState, interpolate, project_rates
+from paretoik.task.joint_curve import (
+    Directions,
+    JointState,
+    blend_directions,
+    interpolate,
+    project_rates,
+    target_rates,
+)
 from paretoik.task.motion_arguments import check_settings, checked_samples
 from paretoik.task.obstacles import Obstacle
-from paretoik.task.retraction import ON_PATH_TOLERANCE, retract_nearest, task_errors
+from paretoik.task.retraction import ON_PATH_TOLERANCE, normal_directions, retract, task_errors
 from paretoik.task.spline import Derivatives, Spline, evaluate_with_midpoints, fit_spline
 from paretoik.task.summary import motion_text
 from paretoik.task.task import Task
@@ -40,14 +48,20 @@ from paretoik.task.task import Task
 class Motion:
     """Joint motions of one arm, (*batch, time, dof): the samples ``q`` [rad, m] at ``time`` (*batch, time) [s].
 
-    A motion *is* a C² curve, projected back onto its tasks (``at``). Velocities and accelerations at the samples follow
-    ``differences``: "backward" as in Tringali & Cocuzza 2020 (v₀ = a₀ = 0, vᵢ = (qᵢ − qᵢ₋₁)/Δt, aᵢ = (vᵢ − vᵢ₋₁)/Δt,
-    integrals by the rectangle at the right end), or "central" (second order, integrals by the trapezoid rule), the
-    curve being the cubic spline through the samples; or "spline": those of the curve itself, a cubic spline that passes
-    within about δ⁴q/36 of the inner samples, so that limits that hold there hold in between; objectives and limits are
-    evaluated on ``instants``, the samples and the middles between them, integrals by Simpson's rule. ``ends_at_rest``
-    makes that spline end with velocity 0. A cyclic motion ends as it starts: q_N = q₀, v₀ = v_N. ``motion[i]`` picks
-    from the batch; arrays are read-only. ``derivatives`` are given where they do not follow from the samples.
+    A motion *is* a C² curve, projected back onto its tasks (``at``, ``state``). ``differences`` says what its
+    velocities and accelerations at the samples are:
+
+    - "spline": those of the curve, as ``state`` has them. The curve is a cubic spline that passes within about δ⁴q/36
+      of the inner samples, projected. Objectives and limits are evaluated on ``instants``, the samples and the middles
+      between them, integrals by Simpson's rule, peaks with Bernstein coefficients of the velocity. ``ends_at_rest``
+      makes the spline end with velocity 0.
+    - "backward" as in Tringali & Cocuzza 2020 (v₀ = a₀ = 0, vᵢ = (qᵢ − qᵢ₋₁)/Δt, aᵢ = (vᵢ − vᵢ₋₁)/Δt, integrals by the
+      rectangle at the right end), or "central" (second order, integrals by the trapezoid rule). They are differences of
+      the samples, as papers have them, not derivatives of the curve: ``state`` differs from ``dq`` and ``ddq`` by their
+      error. The curve is the cubic spline through the samples, projected.
+
+    A cyclic motion ends as it starts: q_N = q₀, v₀ = v_N. ``motion[i]`` picks from the batch; arrays are read-only.
+    ``derivatives`` are given if they do not follow from the samples.
 
     Raises InvalidInput where shapes don't fit the arm, a number is not finite, times don't increase, or a cyclic motion
     does not close.
@@ -108,7 +122,7 @@ class Motion:
         if self.derivatives is not None:
             return self.derivatives.dq
         if self.differences == "spline":
-            return read_only(self.spline.velocity)
+            return read_only(self._nodes.dq[..., ::2, :])
         return read_only(first_derivative(self.q, self.time, self.differences, cyclic=self.cyclic))
 
     @cached_property
@@ -117,16 +131,16 @@ class Motion:
         if self.derivatives is not None:
             return self.derivatives.ddq
         if self.differences == "spline":
-            return read_only(self.spline.acceleration)
+            return read_only(self._nodes.ddq[..., ::2, :])
         return read_only(second_derivative(self.q, self.time, self.differences, cyclic=self.cyclic))
 
     @cached_property
     def jerk(self) -> JointPaths:
-        """Joint jerks (*batch, time, dof) [rad/s³, m/s³]: differences of the accelerations, of a spline those after."""
+        """Joint jerks (*batch, time, dof) [rad/s³, m/s³]: differences of accelerations, or the spline's after each."""
         if self.derivatives is not None:
             return self.derivatives.jerk
         if self.differences == "spline":
-            return read_only(np.concatenate([self.spline.jerk, self.spline.jerk[..., -1:, :]], axis=-2))
+            return read_only(evaluate_with_midpoints(self.spline)[2].jerk[..., ::2, :])
         return read_only(first_derivative(self.ddq, self.time, self.differences, cyclic=self.cyclic))
 
     @cached_property
@@ -200,13 +214,24 @@ class Motion:
     def instants(self) -> Motion:
         """The motion at the times at which objectives and limits are evaluated.
 
-        The motion itself, or with differences="spline" its samples and the middles between them, (*batch, 2 · time − 1,
-        dof); positions at the samples are those of ``q``.
+        The motion itself, or with differences="spline" the state of its curve at the samples and the middles between
+        them, (*batch, 2 · time − 1, dof). If the curve leaves its path at some of them, it is that of the spline there.
         """
         if self.differences != "spline" or self.derivatives is not None:
             return self
-        time, q, derivatives = evaluate_with_midpoints(self.spline, self.q)
+        time, _, spline = evaluate_with_midpoints(self.spline)
+        q, dq, ddq = self._nodes
+        derivatives = replace(spline, dq=dq, ddq=ddq, velocity_bounds=dq + spline.velocity_bounds - spline.dq)
         return replace(self, time=time, q=q, derivatives=derivatives)
+
+    @property
+    def bounding(self) -> Motion:
+        """The instants with Bernstein coefficients for velocities between samples: peaks of velocities are below."""
+        motion = self.instants
+        if motion.derivatives is None:
+            return motion
+        derivatives = replace(motion.derivatives, dq=motion.derivatives.velocity_bounds)
+        return replace(motion, derivatives=derivatives)
 
     @property
     def weights(self) -> Series:
@@ -235,21 +260,27 @@ class Motion:
         """
         instants = self._instants(t, project)
         q = self._curve(instants)
-        return self._project(q, instants) if self.tasks and project else q
+        if not (self.tasks and project):
+            return q
+        directions = blend_directions(self._normals, with_midpoints(self.time), instants)
+        return self._project(q, instants, directions.at)
 
     def state(self, t: Float[np.ndarray, " instants"], *, project: bool = True) -> JointState:
         """Return joint positions, velocities and accelerations, each (*batch, instants, dof), at times t [s].
 
         ``q, dq, ddq = motion.state(t)``: q is what ``at`` gives, with its own exact derivatives: J q̇ is the velocity of
-        the path. At samples they differ from ``motion.dq`` and ``ddq`` by the error of the motion's ``differences``.
+        the path. At samples dq and ddq are ``motion.dq`` and ``ddq`` if ``differences`` is "spline"; the differences of
+        the others have an error.
 
-        Raises what ``at`` does, and InvalidInput where a path does not know its own velocities.
+        Raises what ``at`` does.
         """
         instants = self._instants(t, project)
         spline = JointState(*(self._curve(instants, order) for order in range(3)))
         if not (self.tasks and project):
             return spline
-        return project_rates(self.arm, self.tasks, spline, self._project(spline.q, instants), instants)
+        directions = blend_directions(self._normals, with_midpoints(self.time), instants)
+        q = self._project(spline.q, instants, directions.at)
+        return project_rates(self.arm, self.tasks, spline, directions, q, target_rates(self.tasks, instants))
 
     def _instants(self, t: np.ndarray, project: bool) -> np.ndarray:
         """Return times as an array; raises InvalidInput for those outside the motion."""
@@ -270,9 +301,49 @@ class Motion:
             return self.spline.at(instants)[order]
         return interpolate(self.q, self.time, instants, cyclic=self.cyclic, order=order)
 
-    def _project(self, q: np.ndarray, instants: np.ndarray) -> np.ndarray:
+    @cached_property
+    def _normals(self) -> Float[np.ndarray, "*batch nodes dof rows"]:
+        """Normal directions of the tasks at the samples and the middles: along these the curve is projected there."""
+        if self.differences == "spline":
+            q = self._spline_nodes.q
+        else:
+            flat, times = self.q.reshape(-1, *self.q.shape[-2:]), self.time.reshape(-1, self.time.shape[-1])
+            nodes = [interpolate(a, s, with_midpoints(s), cyclic=self.cyclic) for a, s in zip(flat, times, strict=True)]
+            q = np.stack(nodes).reshape(*self.q.shape[:-2], -1, self.q.shape[-1])
+        return normal_directions(self.arm, self.tasks, q, np.zeros(sum(task.target_size for task in self.tasks)))
+
+    @cached_property
+    def _spline_nodes(self) -> JointState:
+        """State of the spline at the samples and the middles between them."""
+        _, q, derivatives = evaluate_with_midpoints(self.spline)
+        return JointState(q, derivatives.dq, derivatives.ddq)
+
+    @cached_property
+    def _nodes(self) -> JointState:
+        """State of the curve at the samples and the middles; that of the spline where this leaves the path."""
+        spline = self._spline_nodes
+        if not self.tasks:
+            return spline
+        times, inverse = np.unique(with_midpoints(self.time), return_inverse=True)
+        targets = [part[inverse.reshape(spline.q.shape[:-1])] for part in target_rates(self.tasks, times)]
+        retraction = retract(self.arm, self.tasks, spline.q, targets[0], self._normals)
+        on_path, still = retraction.on_path, np.zeros_like(self._normals)
+        directions = Directions(*(part[on_path] for part in (self._normals, still, still)))
+        rows = JointState(*(part[on_path] for part in spline))
+        state = JointState(*(part.copy() for part in spline))
+        projected = project_rates(
+            self.arm, self.tasks, rows, directions, retraction.q[on_path], [part[on_path] for part in targets]
+        )
+        for part, values in zip(state, projected, strict=True):
+            part[on_path] = values
+        if self.cyclic:
+            for part in state:
+                part[..., -1, :] = part[..., 0, :]
+        return state
+
+    def _project(self, q: np.ndarray, instants: np.ndarray, directions: np.ndarray) -> np.ndarray:
         targets = np.concatenate([task.targets(instants) for task in self.tasks], axis=1)
-        retraction = retract_nearest(self.arm, self.tasks, q, targets)
+        retraction = retract(self.arm, self.tasks, q, targets, directions)
         if not retraction.on_path.all():
             off_path = np.unravel_index(int(np.argmin(retraction.on_path)), q.shape[:-1])
             where = f"at: the motion must follow its path, but at {instants[off_path[-1]]:g} s"

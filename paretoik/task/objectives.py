@@ -48,7 +48,7 @@ class Objective:
         """
         name = f"objective {self.name}"
         check_motion(name, motion)
-        motion = motion.instants
+        motion = motion.bounding if self.form == "peak" else motion.instants
         values = evaluate_function(name, self.function, motion, self.form)
         if self.form == "integral":
             return motion.integral(values)

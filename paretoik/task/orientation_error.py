@@ -13,10 +13,13 @@ SINE_TOLERANCE = 1e-12  # the axis of a rotation with a smaller sine is rounding
 
 
 def axis_times_sine(axes: str, between: Matrix) -> Vector:
-    """Return axis · sin(angle) of a rotation, or with "xyz+z-axis" of the smallest one that moves z as it does."""
+    """Return axis · sin(angle) of a rotation, or with "xyz+z-axis" of the smallest one that moves z as it does.
+
+    It is in the axes that are rotated; the free turn about z would tell these apart from those before.
+    """
     (_, xy, xz), (yx, _, yz), (zx, zy, _) = between
     if axes == "xyz+z-axis":
-        return times(-1.0, yz), xz, 0.0
+        return zy, times(-1.0, zx), 0.0
     return scale((minus(zy, yz), minus(xz, zx), minus(yx, xy)), 0.5)
 
 

@@ -16,6 +16,8 @@ from paretoik.robot.pose import quaternion_to_matrix, rotation_vector
 from paretoik.tables import html_representation
 from paretoik.task.curves import CLOSURE_TOLERANCE, Curve, Line, Rates, SmoothCurve
 
+DIFFERENCE_STEP = 1e-4  # share of the duration, for paths whose curve has no derivatives
+
 Points: TypeAlias = Float[np.ndarray, "time axes"]
 Quaternions: TypeAlias = Float[np.ndarray, "time 4"]
 
@@ -95,22 +97,36 @@ class Path:
         return positions, np.where(flipped[:, None], -quaternions, quaternions).reshape(*instants.shape, 4)
 
     def rates(self, t: Times) -> Rates:
-        """Velocities and accelerations of the path at times ``t`` (time,) [s], exact; turning about world axes.
+        """Velocities and accelerations of the path at times ``t`` (time,) [s], turning about world axes.
+
+        They are exact; if the ``curve`` is a bare function, they are differences of it.
 
         Raises
         ------
         InvalidInput
-            For times outside the path, or where its ``curve`` is a bare function, which has no derivatives.
+            For times outside the path.
         """
-        if not isinstance(self.curve, SmoothCurve):
-            raise InvalidInput(
-                "path: velocities want a curve with rates, as of pk.line, circle, waypoints and poses, "
-                f"got {type(self.curve).__name__}"
-            )
         instants = self._instants(t)
         if instants.ndim != 1:
             raise InvalidInput(f"path: times t must be one row of numbers, got shape {instants.shape}")
-        return self.curve.rates(instants)
+        return self.curve.rates(instants) if isinstance(self.curve, SmoothCurve) else self._differences(instants)
+
+    def _differences(self, t: Times) -> Rates:
+        """Return differences of the path, on one side of times near an end."""
+        step = DIFFERENCE_STEP * self.duration
+        first = np.select([t < 2 * step, t > self.duration - 2 * step], [0, -4], -2)
+        index = first[:, None] + np.arange(5)
+        positions, quaternions = self.at(t[:, None] + step * index)
+        polynomials = np.linalg.inv(index[..., None] ** np.arange(5.0))  # rows: coefficients of powers of a step
+        slopes = polynomials[:, 1:3] * (np.array([1.0, 2.0]) / step ** np.array([1, 2]))[:, None]
+        linear = slopes @ positions
+        if quaternions is None:
+            return Rates(linear[:, 0], linear[:, 1], None, None)
+        now = self.at(t)[1]
+        assert now is not None
+        turned = rotation_vector(quaternion_to_matrix(quaternions) @ quaternion_to_matrix(now)[:, None].mT)
+        angular = slopes @ turned
+        return Rates(linear[:, 0], linear[:, 1], angular[:, 0], angular[:, 1])
 
     def _instants(self, t: ArrayLike) -> np.ndarray:
         """Return times as an array, cut off to the path by rounding alone."""

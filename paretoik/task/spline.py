@@ -36,6 +36,7 @@ class Spline:
     velocity: Samples
     acceleration: Samples
     inner_velocity: Float[np.ndarray, "*batch intervals columns"]
+    cyclic: bool = False
 
     @property
     def jerk(self) -> Float[np.ndarray, "*batch intervals columns"]:
@@ -88,8 +89,8 @@ class Derivatives:
         )
 
 
-def evaluate_with_midpoints(spline: Spline, q: Samples) -> tuple[Instants, Samples, Derivatives]:
-    """Return times, positions and derivatives at the samples, where positions are q, and between them."""
+def evaluate_with_midpoints(spline: Spline) -> tuple[Instants, Samples, Derivatives]:
+    """Return times, positions and derivatives at the samples and in the middles between them."""
     x, v, a, inner = spline.position, spline.velocity, spline.acceleration, spline.inner_velocity
     step = np.diff(spline.time)[..., None]
     middle = (x[..., :-1, :] + x[..., 1:, :]) / 2 + step * (v[..., :-1, :] - v[..., 1:, :]) / 8
@@ -97,10 +98,10 @@ def evaluate_with_midpoints(spline: Spline, q: Samples) -> tuple[Instants, Sampl
     derivatives = Derivatives(
         dq=_interleave(v, (v[..., :-1, :] + 2 * inner + v[..., 1:, :]) / 4),
         ddq=_interleave(a, (a[..., :-1, :] + a[..., 1:, :]) / 2),
-        jerk=_interleave(np.concatenate([jerk, jerk[..., -1:, :]], axis=-2), jerk),
+        jerk=_interleave(np.concatenate([jerk, jerk[..., :1, :] if spline.cyclic else jerk[..., -1:, :]], -2), jerk),
         velocity_bounds=_interleave(v, inner),
     )
-    return with_midpoints(spline.time), _interleave(q, middle), derivatives
+    return with_midpoints(spline.time), _interleave(x, middle), derivatives
 
 
 def fit_spline(q: Samples, time: Instants, *, cyclic: bool, ends_at_rest: bool) -> Spline:
@@ -114,6 +115,7 @@ def fit_spline(q: Samples, time: Instants, *, cyclic: bool, ends_at_rest: bool) 
         velocity=velocity,
         acceleration=acceleration,
         inner_velocity=slopes[..., 1:-1, :],
+        cyclic=cyclic,
     )
 
 

@@ -7,7 +7,7 @@ functions of the whole motion.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -16,6 +16,7 @@ from paretoik.arrays import JointPaths
 from paretoik.autodiff.differentiation import dependencies
 from paretoik.autodiff.rewriting import smooth_pieces
 from paretoik.autodiff.tape import Expression, as_entry
+from paretoik.autodiff.tracing import TracedArray
 from paretoik.robot.scales import joint_scales
 from paretoik.task.limits import LIMITED, Constraint
 from paretoik.task.motion_task import MotionTask
@@ -27,7 +28,7 @@ from paretoik.task.traced_motion import (
     trace_sample,
     trace_sample_function,
 )
-from paretoik.trajectory.projected_rates import project_rates
+from paretoik.trajectory.projected_rates import project_motion, project_values
 from paretoik.trajectory.whole_functions import WholeFunction, whole_function
 
 LOADS = ("torque", "power")
@@ -53,9 +54,14 @@ class Functions:
     (time,). A peak is the largest at any sample of
     its pieces: its epigraph variable σ is in ``epigraph_variables``, the entries σ − piece ≥ 0 in ``epigraph_rows``;
     ``epigraph_peaks`` says for each of these which peak it belongs to.
+
+    ``motion`` is an instant of the spline, which limits bound, ``curve`` that of its projection, which totals are of;
+    second derivatives take the entries ``frozen`` as fixed. See ``projected_rates``.
     """
 
     motion: TracedMotion
+    curve: TracedMotion
+    frozen: frozenset[int]
     totals: list[Total] = field(default_factory=list)
     sums: list[int] = field(default_factory=list)
     names: list[str] = field(default_factory=list)
@@ -71,7 +77,8 @@ class Functions:
     def distances(self) -> list[int]:
         """Entries of the distances to obstacles: pieces that meet without a kink."""
         tape, obstacles = self.motion.trace.tape, self.motion.task.obstacles
-        return dependencies(tape, [as_entry(tape, self.motion.clearance.entries)] if obstacles else [])
+        motions = (self.motion, self.curve) if obstacles else ()
+        return dependencies(tape, [as_entry(tape, motion.clearance.entries) for motion in motions])
 
 
 def trace_functions(task: MotionTask, shares: np.ndarray, near: JointPaths | None = None) -> Functions:
@@ -82,7 +89,9 @@ def trace_functions(task: MotionTask, shares: np.ndarray, near: JointPaths | Non
 
     Raises InvalidInput, naming the objective or limit, where its derivative cannot be had.
     """
-    functions = Functions(motion=trace_sample(task, scales=joint_scales(task.arm)))
+    motion = trace_sample(task, scales=joint_scales(task.arm))
+    curve, frozen = project_motion(motion)
+    functions = Functions(motion=motion, curve=curve, frozen=frozen)
     for term, share in zip(task.objectives, shares, strict=True):
         _add_total(functions, f"objective {term.name}", term, term.sign * float(share), np.inf)
     _add_limits(functions)
@@ -99,12 +108,13 @@ def trace_functions(task: MotionTask, shares: np.ndarray, near: JointPaths | Non
             if np.isfinite(bound):
                 _add_total(functions, label, constraint, sign / constraint.scale, bound / constraint.scale)
     if near is not None:  # last: the limits before them stay where they are
-        _add_kinds(functions, project_rates(functions.motion, near), PROJECTED, ON_PATH)
+        _add_kinds(functions, curve, PROJECTED, ON_PATH)
     return functions
 
 
 def _add_total(functions: Functions, label: str, term: Objective | Constraint, factor: float, upper: float) -> None:
-    motion, form = functions.motion, term.form
+    motion, form = functions.curve, term.form
+    motion = bounding(motion) if form == "peak" and isinstance(term, Objective) else motion
     value = trace_sample_function(motion, label, term.function) if form in ("integral", "peak") else None
     if value is None:
         functions.totals.append(Total(name=term.name, kind="whole", index=len(functions.whole_functions), upper=upper))
@@ -127,7 +137,8 @@ def _add_total(functions: Functions, label: str, term: Objective | Constraint, f
 
 def _whole(task: MotionTask, label: str, term: Objective | Constraint, factor: float) -> WholeFunction:
     motion = trace_motion(task, scales=joint_scales(task.arm))
-    values = trace_motion_function(motion, label, term.function, term.form)
+    seen = bounding(motion) if term.form == "peak" and isinstance(term, Objective) else motion
+    values = project_values(motion, trace_motion_function(seen, label, term.function, term.form))
     total: Any = 0.0
     if term.form == "integral":
         for weight, value in zip(task.weights, values, strict=True):
@@ -139,15 +150,26 @@ def _whole(task: MotionTask, label: str, term: Objective | Constraint, factor: f
     return whole_function(motion.trace.tape, term.name, total)
 
 
+def bounding(motion: TracedMotion) -> TracedMotion:
+    """As ``Motion.bounding``."""
+    task, trace = motion.task, motion.trace
+    if task.differences != "spline":
+        return motion
+    share = np.zeros(len(task.instants))
+    share[1::2] = np.diff(task.times) ** 2 / 8  # the coefficient is v − h² q⃛ / 8 where the velocity is v in the middle
+    factor: Any = trace.parameter(share) if trace.samples is not None else share[:, None]
+    return replace(motion, dq=TracedArray(trace, motion.dq.entries - motion.jerk.entries * factor, shared=True))
+
+
 def _add_limits(functions: Functions) -> None:
     """Add the limits that are not on positions and rates themselves."""
-    motion, task = functions.motion, functions.motion.task
+    task = functions.motion.task
     if task.differences == "spline" and "velocity" in task.bounds:
         _add_inner_velocities(functions)
-    _add_kinds(functions, motion, LOADS)
+    _add_kinds(functions, functions.motion, LOADS)
     if task.obstacles:
         bounds, ranges = np.array([task.min_clearance, np.inf]), np.array(task.clearance_range)
-        _add_row(functions, "clearance", motion.clearance.entries, bounds, ranges)
+        _add_row(functions, "clearance", functions.motion.clearance.entries, bounds, ranges)
 
 
 def _add_kinds(functions: Functions, motion: TracedMotion, kinds: Sequence[str], suffix: str = "") -> None:

@@ -135,7 +135,9 @@ def linearise(program: MotionProgram, q: Float[np.ndarray, "time dof"]) -> Motio
     task, samples, instants, n = program.task, len(q), len(program.task.instants), q.shape[1]
     values = program.values(q)
     evaluators, sparsity = program.evaluators, program.evaluators.gradient_sparsity
-    at_samples = evaluators.path(values.inputs[:, :: task.stride])
+    inputs = values.inputs[:, :: task.stride].copy()
+    inputs[:n] = (q / joint_scales(task.arm)).T  # the samples are on the path; a spline passes near them
+    at_samples = evaluators.path(inputs)
     path_jacobian = at_samples[task.rows :].reshape(task.rows, n, samples).transpose(2, 0, 1)
     normal = np.linalg.svd(path_jacobian)[2][:, task.rows :].swapaxes(-1, -2)
     if task.cyclic:

@@ -95,7 +95,7 @@ def _spline(task: MotionTask, orders: int) -> tuple[np.ndarray, np.ndarray]:
     if task.cyclic:
         units[-1] = units[0]
     spline = fit_spline(units, task.times, cyclic=task.cyclic, ends_at_rest=task.ends_at_rest)
-    _, q, derivatives = evaluate_with_midpoints(spline, units)
+    _, q, derivatives = evaluate_with_midpoints(spline)
     values = np.stack([q, derivatives.dq, derivatives.ddq, derivatives.jerk][:orders])
     coefficients = values[:, np.arange(len(neighbours))[:, None], colour[neighbours]]
     return np.sort(neighbours, axis=1), np.take_along_axis(

@@ -118,7 +118,7 @@ def _differentiate(functions: Functions, path: list[int]) -> Evaluators:
     gradients = [gradient(tape, f, [*u, *auxiliary]) for f in entries]
     zero = tape.constant(0.0)
     slopes = {(k, j): slope for k, row in enumerate(gradients) for j, slope in enumerate(row) if slope != zero}
-    second = hessian(tape, as_entry(tape, lagrangian), [*u, *smooth.epigraph_variables])
+    second = hessian(tape, as_entry(tape, lagrangian), [*u, *smooth.epigraph_variables], functions.frozen)
     jacobian = [slope for h in path for slope in gradient(tape, h, u[:n])]
     return Evaluators(
         inputs=len(tape.inputs),

@@ -35,7 +35,7 @@ def derivative_matrices(task: MotionTask) -> tuple[np.ndarray, ...]:
     """Return position, velocity and acceleration at the instants (instants, samples) of unit samples."""
     units = np.eye(len(task.times))
     spline = fit_spline(units, task.times, cyclic=False, ends_at_rest=False)
-    _, q, derivatives = evaluate_with_midpoints(spline, units)
+    _, q, derivatives = evaluate_with_midpoints(spline)
     return q, derivatives.dq, derivatives.ddq
 
 
