@@ -14,6 +14,7 @@ import numpy as np
 
 from paretoik.arrays import JointPaths
 from paretoik.autodiff.differentiation import dependencies
+from paretoik.autodiff.operations import PIECEWISE, Op
 from paretoik.autodiff.rewriting import smooth_pieces
 from paretoik.autodiff.tape import Expression, as_entry
 from paretoik.autodiff.tracing import TracedArray
@@ -33,6 +34,7 @@ from paretoik.trajectory.whole_functions import WholeFunction, whole_function
 
 LOADS = ("torque", "power")
 PROJECTED = ("acceleration", *LOADS)  # limits that feel the projection onto the path
+KINKS = PIECEWISE | {Op.ABSOLUTE}
 ON_PATH = " on the path"  # after the name of a limit: its rates are those of the projected curve
 
 
@@ -55,8 +57,8 @@ class Functions:
     its pieces: its epigraph variable σ is in ``epigraph_variables``, the entries σ − piece ≥ 0 in ``epigraph_rows``;
     ``epigraph_peaks`` says for each of these which peak it belongs to.
 
-    ``motion`` is an instant of the spline, which limits bound, ``curve`` that of its projection, which totals are of;
-    second derivatives take the entries ``frozen`` as fixed. See ``projected_rates``.
+    ``motion`` is an instant of the spline, whose rates and loads are limited, ``curve`` that of its projection, which
+    all else is of; second derivatives take the entries ``frozen`` as fixed. See ``projected_rates``.
     """
 
     motion: TracedMotion
@@ -77,8 +79,7 @@ class Functions:
     def distances(self) -> list[int]:
         """Entries of the distances to obstacles: pieces that meet without a kink."""
         tape, obstacles = self.motion.trace.tape, self.motion.task.obstacles
-        motions = (self.motion, self.curve) if obstacles else ()
-        return dependencies(tape, [as_entry(tape, motion.clearance.entries) for motion in motions])
+        return dependencies(tape, [as_entry(tape, self.curve.clearance.entries)] if obstacles else [])
 
 
 def trace_functions(task: MotionTask, shares: np.ndarray, near: JointPaths | None = None) -> Functions:
@@ -98,7 +99,7 @@ def trace_functions(task: MotionTask, shares: np.ndarray, near: JointPaths | Non
     for constraint in task.constraints:
         label = f"constraint {constraint.name}"
         value = (
-            trace_sample_function(functions.motion, label, constraint.function) if constraint.form == "peak" else None
+            trace_sample_function(functions.curve, label, constraint.function) if constraint.form == "peak" else None
         )
         if value is not None:
             bounds = np.array([constraint.lower, constraint.upper])
@@ -114,7 +115,10 @@ def trace_functions(task: MotionTask, shares: np.ndarray, near: JointPaths | Non
 
 def _add_total(functions: Functions, label: str, term: Objective | Constraint, factor: float, upper: float) -> None:
     motion, form = functions.curve, term.form
-    motion = bounding(motion) if form == "peak" and isinstance(term, Objective) else motion
+    if form == "peak" and isinstance(term, Objective):
+        motion = bounding(motion)
+    elif form == "integral" and _has_kinks(functions.motion, label, term):
+        motion = functions.motion
     value = trace_sample_function(motion, label, term.function) if form in ("integral", "peak") else None
     if value is None:
         functions.totals.append(Total(name=term.name, kind="whole", index=len(functions.whole_functions), upper=upper))
@@ -133,6 +137,15 @@ def _add_total(functions: Functions, label: str, term: Objective | Constraint, f
         functions.epigraph_rows.append((sigma - share * Expression(tape, piece)).index)
         functions.epigraph_peaks.append(len(functions.epigraph_variables))
     functions.epigraph_variables.append(sigma.index)
+
+
+def _has_kinks(motion: TracedMotion, label: str, term: Objective | Constraint) -> bool:
+    """Return whether an integral has kinks: then it is of the spline itself.
+
+    Travel, for one, is the same along many motions. On the curve what Simpson's rule leaves would tell these apart.
+    """
+    value, tape = trace_sample_function(motion, label, term.function), motion.trace.tape
+    return value is not None and any(tape.entries[i][0] in KINKS for i in dependencies(tape, [as_entry(tape, value)]))
 
 
 def _whole(task: MotionTask, label: str, term: Objective | Constraint, factor: float) -> WholeFunction:
@@ -169,7 +182,7 @@ def _add_limits(functions: Functions) -> None:
     _add_kinds(functions, functions.motion, LOADS)
     if task.obstacles:
         bounds, ranges = np.array([task.min_clearance, np.inf]), np.array(task.clearance_range)
-        _add_row(functions, "clearance", functions.motion.clearance.entries, bounds, ranges)
+        _add_row(functions, "clearance", functions.curve.clearance.entries, bounds, ranges)
 
 
 def _add_kinds(functions: Functions, motion: TracedMotion, kinds: Sequence[str], suffix: str = "") -> None:

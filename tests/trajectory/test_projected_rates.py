@@ -1,4 +1,4 @@
-"""Torques that the path allows are those of the projected curve, where those of the spline are not."""
+"""A program's state of a motion is that of its curve, with exact first derivatives, however rough the motion is."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import pytest
 import paretoik as pk
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.minimise import minimise
-from paretoik.task.between import OPTIONS, finer_motion
 from paretoik.task.retraction import retract_nearest
 from paretoik.trajectory.functions import ON_PATH
 from paretoik.trajectory.plan_starts import sample_starts
@@ -21,50 +20,65 @@ CASES = {
     "planar": (pk.arms.tringali_3r(), pk.line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=31)),
     "cyclic": (pk.arms.tringali_3r(), pk.circle([0.25, 0.1], 0.05, duration=1.0, samples=31)),
     "position": (panda.panda(), pk.line([0.45, -0.2, 0.4], [0.45, 0.2, 0.5], duration=1.5, samples=31)),
+    "axis": (panda.panda(), pk.Task(pk.line(*POSES, duration=1.5, samples=31), axes="xyz+z-axis")),
     "pose": (panda.panda(), pk.line(*POSES, duration=1.5, samples=31)),
 }
+every_case = pytest.mark.parametrize("name", CASES)
 
 
-def limited(name, torque=1.0):
+def task_of(name, *objectives, **limits):
     arm, path = CASES[name]
-    limits = pk.Limits(torque=torque)
-    return pk.Tracking(arm, path, objectives=[pk.kinetic_energy], limits=limits, cyclic=name == "cyclic").task
+    objectives = list(objectives) or [pk.kinetic_energy]
+    limits = pk.Limits(torque=np.inf, **limits) if "torque" not in limits else pk.Limits(**limits)
+    return pk.Tracking(arm, path, objectives=objectives, limits=limits, cyclic=name == "cyclic", bases=1).task
 
 
-def zigzag(task, size=0.01):
-    """Return a motion whose samples lie on alternate sides of a smooth one, along the self-motion too."""
-    rng = np.random.default_rng(0)
+def rough(task, size, seed=0):
+    """Return a motion whose samples lie at random near a smooth one, along the self-motion too."""
+    rng = np.random.default_rng(seed)
     q = sample_starts(task, 1, rng)[0]
-    sides = np.where(np.arange(len(q)) % 2, size, -size)[:, None]
-    sides[-1] = sides[0] if task.cyclic else sides[-1]
-    moved = retract_nearest(task.arm, task.tasks, q + sides * rng.normal(size=q.shape[1]), task.targets)
+    near = q + size * rng.normal(size=q.shape)
+    near[-1] = near[0] if task.cyclic else near[-1]
+    moved = retract_nearest(task.arm, task.tasks, near, task.targets)
     assert moved.on_path.all()
+    if task.cyclic:
+        moved.q[-1] = moved.q[0]
     return moved.q
 
 
-def torques(program, q, suffix=""):
-    """Return the torques (instants, dof) that a program limits."""
+@every_case
+@pytest.mark.parametrize("size", [0.0, 1e-3, 1e-2])
+def test_objectives_of_a_program_are_those_of_the_motion(name, size):
+    task = task_of(name, pk.kinetic_energy, pk.torque_norm, pk.peak_velocity, pk.jerk)
+    q = rough(task, size)
+    values = [float(objective(task.motion(q))) for objective in task.objectives]
+    np.testing.assert_allclose(motion_program(task).evaluate(q)[0], values, rtol=1e-8)
+
+
+@every_case
+def test_first_derivatives_are_exact(name):
+    task = task_of(name, pk.kinetic_energy, pk.torque_norm)
+    program, step = motion_program(task), 1e-6
+    at = program.linearise(rough(task, 1e-3))
+    direction = np.random.default_rng(1).normal(size=at.columns)
+    ahead, back = (program.evaluate(at.retract(sign * step * direction))[0] for sign in (1, -1))
+    np.testing.assert_allclose(at.gradients @ direction, (ahead - back) / (2 * step), rtol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["planar", "axis"])
+def test_torques_on_the_path_are_those_of_the_curve(name):
+    task = task_of(name, torque=1.0)
+    q = rough(task, 1e-2)
+    program = motion_program(task, near=q)
     inputs = program.values(q).inputs
     values = program.evaluators.value(inputs)[program.sums :]
-    return values[[program.rows.index(f"torque of {joint}{suffix}") for joint in program.task.arm.joint_names]].T
+    rows = [program.rows.index(f"torque of {joint}{ON_PATH}") for joint in task.arm.joint_names]
+    np.testing.assert_allclose(values[rows].T, task.motion(q).instants.torque, rtol=1e-6, atol=1e-6)
 
 
-@pytest.mark.parametrize("name", CASES)
-def test_torques_on_the_path_are_those_of_the_projected_curve(name):
-    task = limited(name)
-    q = zigzag(task)
-    program = motion_program(task, near=q)
-    curve = finer_motion(task.motion(q)).torque[:: OPTIONS.steps // task.stride]
-    off = np.abs(torques(program, q) - curve)
-    remaining = np.abs(torques(program, q, ON_PATH) - curve)
-    assert np.median(remaining) <= 0.05 * np.median(off)
-    assert remaining.max() <= 0.2 * off.max()
-
-
-@pytest.mark.parametrize("name", CASES)
-def test_limits_on_the_path_come_last_and_change_none_of_the_others(name):
-    task = limited(name)
-    plain, program = motion_program(task), motion_program(task, near=zigzag(task))
+def test_limits_on_the_path_come_last_and_change_none_of_the_others():
+    task = task_of("planar", torque=1.0)
+    plain, program = motion_program(task), motion_program(task, near=rough(task, 1e-2))
     assert program.inequality_names[: plain.elastic] == plain.inequality_names
     assert all(limit.endswith(ON_PATH) for limit in program.inequality_names[plain.elastic :])
     np.testing.assert_array_equal(program.bounds[: plain.elastic], plain.bounds[: plain.elastic])
@@ -82,7 +96,7 @@ def test_a_held_motion_is_feasible_in_its_own_program_and_between_samples():
     natural = motion_program(task, [400.0])
     spline = optimum(natural, best.q[None], barrier=1e-3)
     held = hold_between(natural, spline, 1)
-    assert held.violation == 0.0 < 1e-4 < violation_between(task, spline)
+    assert held.violation <= 1e-4 < violation_between(task, spline)
     assert held.program(natural).evaluate(held.x)[2].min() >= -1e-7
 
 
