@@ -96,6 +96,7 @@ def certified_front(
             signs=signs,
             violation_between=individuals.violation_between,
             exceeded=exceeded_between(problem, individuals),
+            discretisation=individuals.discretisation,
             observe=count_observer(observe, "certification", uniform=True),
         )
         return _CertifiedPoints(individuals=individuals, certificates=certificates, better=better)

@@ -53,14 +53,16 @@ def load_plan(folder: str | Path, problem: Any = None) -> Plan:
                 status=status,
                 violation_between=violation,
                 criticality=criticality,
+                discretisation_error=error,
             )
-            for motion, value, branch, status, violation, criticality in zip(
+            for motion, value, branch, status, violation, criticality, error in zip(
                 motions,
                 columns["objective"],
                 columns["branch"],
                 columns["status"],
                 columns["violation_between"],
                 columns["criticality"],
+                columns["discretisation_error"],
                 strict=True,
             )
         ),

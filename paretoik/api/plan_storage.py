@@ -89,11 +89,15 @@ def _optima_bytes(plan: Plan, name: str, unit: str) -> bytes:
         name: pa.array([each.objective for each in optima], pa.float64()),
         "violation_between": pa.array([each.violation_between for each in optima], pa.float64()),
         "criticality": pa.array([each.criticality for each in optima], pa.float64()),
+        "discretisation_error": pa.array([each.discretisation_error for each in optima], pa.float64()),
         "status": pa.array([each.status for each in optima], pa.string()),
         "branch": pa.array([each.label for each in optima], pa.string()),
     }
     schema = pa.schema(
-        [pa.field(key, values.type, metadata={"unit": unit if key == name else ""}) for key, values in columns.items()]
+        [
+            pa.field(key, values.type, metadata={"unit": unit if key in (name, "discretisation_error") else ""})
+            for key, values in columns.items()
+        ]
     )
     sink = io.BytesIO()
     pq.write_table(pa.table(columns, schema=schema), sink)
@@ -119,13 +123,15 @@ def _read_optima(file: Path, content: bytes, name: str) -> dict[str, list[Any]]:
         name: pa.float64(),
         "violation_between": pa.float64(),
         "criticality": pa.float64(),
+        "discretisation_error": pa.float64(),
         "status": pa.string(),
         "branch": pa.string(),
     }
     try:
         table = read_table(content)
-        if "criticality" not in table.column_names:  # older runs have none
-            table = table.append_column("criticality", pa.array(np.full(len(table), np.nan)))
+        for key in ("criticality", "discretisation_error"):
+            if key not in table.column_names:  # earlier runs have none
+                table = table.append_column(key, pa.array(np.full(len(table), np.nan)))
         columns = {key: table.column(key).cast(kind).to_pylist() for key, kind in kinds.items()}
     except Exception as fault:  # whatever the parser trips over is the file's fault
         cause = (str(fault).splitlines() or [type(fault).__name__])[0]

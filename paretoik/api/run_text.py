@@ -59,9 +59,27 @@ def plan_text(plan: Plan, name: str, unit: str, out: Path) -> str:
         f"{count} distinct {'optimum' if count == 1 else 'optima'} from {counts['starts']} starts in "
         f"{counts['seconds']:.1f} s{_stopped(status, 'optima')}"
     ]
-    rows = [("optimum", f"{name} [{unit}]" if unit else name, "branch", "status", "limits between samples")]
+    rows = [
+        (
+            "optimum",
+            f"{name} [{unit}]" if unit else name,
+            "branch",
+            "status",
+            "limits between samples",
+            "off the curve by",
+        )
+    ]
     for rank, each in enumerate(plan.optima):
-        rows.append((str(rank), f"{each.objective:.6g}", each.label, each.status, _kept(each.violation_between)))
+        rows.append(
+            (
+                str(rank),
+                f"{each.objective:.6g}",
+                each.label,
+                each.status,
+                _kept(each.violation_between),
+                f"{each.discretisation_error:.1e}",
+            )
+        )
     lines.append(columns(rows))
     lines += filter(None, [confirmation_text(plan.provenance)])
     if (out / DRAWING).exists():  # not after a signal
@@ -90,6 +108,7 @@ def optima_entries(plan: Plan) -> list[dict[str, Any]]:
             "status": each.status,
             "violation_between": each.violation_between,
             "criticality": each.criticality,
+            "discretisation_error": each.discretisation_error,
         }
         for rank, each in enumerate(plan.optima)
     ]

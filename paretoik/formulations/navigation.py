@@ -192,6 +192,7 @@ def _certificate(formulation: Differentiable, program: Program, x: Point, aim: A
         signs=np.where(formulation.maximised, -1.0, 1.0),
         violation_between=individual.violation_between,
         exceeded=exceeded_between(formulation, individual),
+        discretisation=individual.discretisation,
     )
     return Arrival(individual=individual, certificate=certificates), better[0]
 

@@ -50,6 +50,7 @@ from paretoik.user_functions import user_function
 
 if TYPE_CHECKING:  # so that loading a problem stays quick
     from paretoik.nlp.program import Program, Solver
+    from paretoik.pareto.certificates import Discretisation
     from paretoik.pareto.cold_search import ColdSearch
     from paretoik.pareto.scalarisation import Observe
     from paretoik.task.motion import Motion
@@ -64,7 +65,8 @@ class Individuals:
     """What points of a program are as solutions of their formulation.
 
     ``x`` are the points, ``objectives`` minimised, ``genes`` and ``motions`` where the formulation has them for points,
-    ``violation_between`` the violation of limits where the program does not look.
+    ``violation_between`` the violation of limits where the program does not look, ``discretisation`` how far
+    objectives are off those of a motion's curve, None if they are exact.
     """
 
     x: Points
@@ -72,6 +74,7 @@ class Individuals:
     genes: Genes | None
     motions: Motion | None
     violation_between: Float[np.ndarray, " points"]
+    discretisation: Discretisation | None = None
 
 
 @runtime_checkable

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from paretoik.arrays import Genes, Values
+from paretoik.arrays import Genes, Objectives, Values
 from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
 from paretoik.formulations.base_motions import choose_bases, positions_on_path, sample_rollouts
@@ -25,6 +25,7 @@ from paretoik.formulations.protocol import Individuals
 from paretoik.front.front import Front
 from paretoik.inputs import check_seed, check_size
 from paretoik.nlp.program import Solver
+from paretoik.pareto.certificates import Discretisation
 from paretoik.pareto.scalarisation import Observe
 from paretoik.robot.arm import Arm
 from paretoik.search.nsga2 import MaxiMinNSGA2
@@ -214,13 +215,19 @@ class Tracking(Formulation):
     def individuals(self, x: Float[np.ndarray, "points time dof"], genes: Genes | None = None) -> Individuals:
         """Return motions as individuals: exact, where genes would be near; after a signal not seen between samples."""
         motions = self.task.motion(x)
+        values = np.stack([o(motions) * o.sign for o in self.task.objectives], axis=1)
         return Individuals(
             x=x,
-            objectives=np.stack([o(motions) * o.sign for o in self.task.objectives], axis=1),
+            objectives=values,
             genes=None,
             motions=motions,
             violation_between=np.full(len(x), np.nan) if STOP[0] else self.task.violation_between(motions),
+            discretisation=None if STOP[0] else self._discretisation(motions, values),
         )
+
+    def _discretisation(self, motions: Motion, values: Objectives) -> Discretisation:
+        errors, judged = self.task.discretisation_errors(motions), self.task.differences == "spline"
+        return Discretisation(names=self.names, values=values, errors=errors, judged=judged)
 
     def hold_between(
         self,

@@ -21,6 +21,8 @@ def certificate_text(certificates: Certificates) -> str:
         f"certified: {statuses or 'no point'}; criticality {_worst(certificates.kkt_residual) or 'unknown'}, "
         f"{_violation_text(certificates)}"
     ]
+    if errors := _worst(certificates.discretisation_error.max(axis=1, initial=0.0)):
+        lines.append(f"values off those of the curves by {errors} of their units")
     reasons, counts = np.unique(_kinds_of_reason(certificates), return_counts=True)
     order = np.argsort(-counts, kind="stable")
     lines += [f"undetermined: {counts[i]} of {len(certificates)}, {reasons[i]}" for i in order]

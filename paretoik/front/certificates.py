@@ -16,7 +16,7 @@ from paretoik.inputs import shown
 from paretoik.tables import fit_screen, html_representation
 
 WEIGHT_TOLERANCE = 1e-6  # share of all objectives' weight below which a point may be only weakly optimal
-STATUSES = ("minimum", "saddle", "undetermined")
+STATUSES = ("minimum", "saddle", "undetermined", "under-resolved")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -31,8 +31,11 @@ class Certificates:
     exchange_rates: [p, i, j] is ∂f_j/∂f_i with the others fixed, in natural units; NaN if f_i or f_j has no weight, the
         point is not critical or multipliers are not unique
     exchange_intervals: smallest and largest value of [p, i, j], NaN if unknown
-    status: "minimum", "saddle" or "undetermined"
-    reason: why a point is undetermined or its intervals are unknown, else ""
+    status: "minimum", "saddle", "undetermined", or "under-resolved": critical for its samples, but a value is off by
+        more than 0.1 % on the motion's curve
+    reason: why a point is no minimum or its intervals are unknown, else ""
+    discretisation_error: how far the stated values (points, n_obj) are off those of the curve, on a grid 50 times
+        finer, in the objectives' units
 
     What could not be computed of a point is NaN. A minimum of a spline's problem keeps its limits at any time.
     """
@@ -45,12 +48,15 @@ class Certificates:
     exchange_intervals: Float[np.ndarray, "points n_obj n_obj 2"]
     status: np.ndarray
     reason: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.str_))
+    discretisation_error: Float[np.ndarray, "points n_obj"] = field(default_factory=lambda: np.zeros((0, 0)))
 
     def __post_init__(self) -> None:
         """Check that all arrays have as many rows, and that every status is one of ``STATUSES``; fill in reasons."""
         points = len(self.violation)
         if not len(self.reason):
             object.__setattr__(self, "reason", np.full(points, "", dtype=np.str_))
+        if not len(self.discretisation_error):  # of earlier runs
+            object.__setattr__(self, "discretisation_error", np.full(self.weights.shape, np.nan))
         for part in fields(self):
             if len(getattr(self, part.name)) != points:
                 raise InvalidInput(

@@ -42,6 +42,8 @@ RESERVED_ENTRIES = ("format", "objectives", "points", "files", "digest")
 CERTIFICATE_COLUMNS = ("violation_between", "kkt_residual")
 CERTIFICATE_TEXTS = ("status", "reason")
 CERTIFICATE_ARRAYS = ("weights", "exchange_rates", "exchange_intervals")
+LATER_ARRAYS = ("discretisation_error",)  # earlier runs have none
+ERROR_COLUMN = "discretisation error of {}"
 
 
 def save(front: Front, folder: Path, *, overwrite: bool = False) -> None:
@@ -166,7 +168,7 @@ def _certificates(table: dict[str, Any], arrays: dict[str, np.ndarray]) -> Certi
         return None
     return Certificates(
         **{name: table[name] for name in ("violation", *CERTIFICATE_COLUMNS, "status")},
-        **{name: arrays[name] for name in CERTIFICATE_ARRAYS},
+        **{name: arrays[name] for name in (*CERTIFICATE_ARRAYS, *LATER_ARRAYS) if name in arrays},
         **{name: table[name] for name in ("reason",) if name in table},
     )
 
@@ -186,7 +188,10 @@ def _table_bytes(front: Front) -> bytes:
     else:
         columns |= {name: pa.array(getattr(certificates, name)) for name in CERTIFICATE_COLUMNS}
         columns |= {name: pa.array(getattr(certificates, name).tolist(), pa.string()) for name in CERTIFICATE_TEXTS}
+        errors = zip(front.names, certificates.discretisation_error.T, strict=True)
+        columns |= {ERROR_COLUMN.format(name): pa.array(values) for name, values in errors}
     units = dict(zip(front.names, front.units, strict=True))
+    units |= {ERROR_COLUMN.format(name): unit for name, unit in units.items()}
     schema = pa.schema(
         [pa.field(name, values.type, metadata={"unit": units.get(name, "")}) for name, values in columns.items()]
     )
@@ -202,7 +207,7 @@ def _motions_bytes(front: Front) -> bytes:
     if front.motions is not None:
         arrays |= motion_arrays(front.motions)
     if front.certificates is not None:
-        arrays |= {name: getattr(front.certificates, name) for name in CERTIFICATE_ARRAYS}
+        arrays |= {name: getattr(front.certificates, name) for name in (*CERTIFICATE_ARRAYS, *LATER_ARRAYS)}
     return array_bytes(arrays)
 
 

@@ -36,6 +36,7 @@ class CertificateOptions:
     """Tolerances without unit: objectives and limits are divided by their ranges."""
 
     critical: float = 1e-6  # χ up to which a point is critical, so that its curvature and multipliers say something
+    resolved: float = 1e-3  # share of a value, or of its range if that is more, that discretisation may change
 
 
 OPTIONS = CertificateOptions()
@@ -53,6 +54,19 @@ class _Certificate:
     curvature: Curvature
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Discretisation:
+    """How far values of objectives ``names`` are off those of a motion's curve.
+
+    ``judged`` says whether a status depends on it: the papers' finite differences promise no curve.
+    """
+
+    names: Sequence[str]
+    values: Float[np.ndarray, "points n_obj"]
+    errors: Float[np.ndarray, "points n_obj"]
+    judged: bool
+
+
 def certify(
     program: Program | Sequence[Program],
     x: Points,
@@ -61,6 +75,7 @@ def certify(
     signs: Float[np.ndarray, " n_obj"],
     violation_between: Float[np.ndarray, " points"],
     exceeded: Sequence[str] = (),
+    discretisation: Discretisation | None = None,
     observe: Observe | None = None,
 ) -> tuple[Certificates, list[Point | None]]:
     """Return the certificates of points of a program, or of one each, whose first objectives are those of the front.
@@ -69,6 +84,7 @@ def certify(
 
     ``signs`` are −1 for objectives that are maximised. ``violation_between`` is that of limits where the program does
     not look, between samples; a point for which ``exceeded`` says in words which limit it exceeds there is no minimum.
+    ``discretisation`` are the errors of values: a minimum with a too large one is "under-resolved".
     ``observe`` is called with what is done and with all. After a signal the points that are left are undetermined.
     """
     count, n_obj = len(x), len(ranges)
@@ -84,10 +100,9 @@ def certify(
     violation = np.array([each.violation for each in certificates]).reshape(count)
     weights = np.array([each.weights for each in certificates]).reshape(count, n_obj)
     ratios = np.array([each.ratios for each in certificates]).reshape(count, n_obj, n_obj, 2)
-    statuses = [each.curvature.status for each in certificates]
-    reasons = [each.curvature.reason for each in certificates]
+    statuses, reasons = _resolved(certificates, ranges, discretisation)
     for i, words in enumerate(exceeded):
-        if words and statuses[i] == "minimum":
+        if words and statuses[i] in ("minimum", "under-resolved"):
             statuses[i], reasons[i] = "undetermined", "; ".join(filter(None, (words, reasons[i])))
     certified = Certificates(
         violation=violation,
@@ -98,6 +113,7 @@ def certify(
         exchange_intervals=exchange_intervals(ratios, ranges, signs),
         status=np.array(statuses, dtype=np.str_),
         reason=np.array(reasons, dtype=np.str_),
+        discretisation_error=np.full((count, n_obj), np.nan) if discretisation is None else discretisation.errors,
     )
     return certified, [each.curvature.better for each in certificates]
 
@@ -108,6 +124,23 @@ def confirmed_criticality(program: Program, x: Point) -> float:
         at = program.linearise(x)
         return criticality(at.gradients[:1], _constraints(program, at), at.unit).value
     return np.nan
+
+
+def _resolved(
+    certificates: Sequence[_Certificate], ranges: Float[np.ndarray, " n_obj"], discretisation: Discretisation | None
+) -> tuple[list[str], list[str]]:
+    """Return status and reason of points: minima whose values are too far off are "under-resolved"."""
+    status = [each.curvature.status for each in certificates]
+    reason = [each.curvature.reason for each in certificates]
+    if discretisation is not None and discretisation.judged:
+        shares = discretisation.errors / np.maximum(np.abs(discretisation.values), ranges)
+        for i in np.flatnonzero(~(shares <= OPTIONS.resolved).all(axis=1)):
+            if status[i] == "minimum":
+                worst = int(np.argmax(shares[i]))
+                status[i] = "under-resolved"
+                name, share = discretisation.names[worst], 100 * shares[i, worst]
+                reason[i] = f"{name} differs by {share:.2g} % on the curve; more samples help"
+    return status, reason
 
 
 def criticality_at(program: Program, at: Linearisation, ranges: Float[np.ndarray, " n_obj"]) -> float:

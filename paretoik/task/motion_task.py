@@ -25,6 +25,8 @@ from paretoik.task.path import Path
 from paretoik.task.spline import Derivatives
 from paretoik.task.task import Task
 
+VALUE_REFINEMENT = 50  # steps between samples by which values are compared with those of the curve
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MotionTask:
@@ -212,6 +214,19 @@ class MotionTask:
             return largest_between(shares, divide(self.times))
         except Infeasible:
             return np.inf
+
+    def discretisation_errors(self, motions: Motion) -> Float[np.ndarray, "points n_obj"]:
+        """Return how far the objectives of motions are off their values on the curves, in their own units.
+
+        The curves are sampled 50 times finer. It is infinite if a motion leaves its path between samples.
+        """
+        try:
+            finer = finer_motion(motions, VALUE_REFINEMENT)
+        except Infeasible:
+            if len(motions) == 1:
+                return np.full((1, len(self.objectives)), np.inf)
+            return np.concatenate([self.discretisation_errors(motions[i : i + 1]) for i in range(len(motions))])
+        return np.stack([np.abs(each(finer) - each(motions)) for each in self.objectives], axis=1)
 
     def describe_between(self, motions: Motion, *, tolerance: float = LIMIT_TOLERANCE) -> str:
         """Return in words which limit motions (points, time, dof) violate most between their samples, and what helps.

@@ -55,7 +55,9 @@ class Optimum:
 
     ``violation_between`` is an upper bound of how far it exceeds its limits at any time, as a share of their ranges;
     ``criticality`` how much its objective can still gain to first order, as a share of the best optimum's, confirmed by
-    a convex program; NaN if unknown.
+    a convex program; NaN if unknown. ``discretisation_error`` says how far ``objective`` is off its value on the
+    motion's curve, in its unit; NaN in earlier runs. If that is more than 0.1 % of the value, an optimum of a spline is
+    "under-resolved".
     """
 
     motion: Motion
@@ -64,6 +66,7 @@ class Optimum:
     status: str
     violation_between: float
     criticality: float = np.nan
+    discretisation_error: float = np.nan
 
     __repr__ = field_representation
     _repr_html_ = html_representation
@@ -241,11 +244,12 @@ def _optima(
     motions = task.motion(np.stack([each.x for each in results]))
     values, labels = task.objectives[0](motions), branch_labels(motions)
     words, order = [STATUSES[int(each)] for each in status], list(range(len(solutions)))
+    errors = task.discretisation_errors(motions)[:, 0]
     if task.differences == "spline":
         exceeds = [each.violation > LIMIT_TOLERANCE for each in results]  # not known after a signal
-        words = [
-            EXCEEDS if each and word == STATUSES[CONVERGED] else word for each, word in zip(exceeds, words, strict=True)
-        ]
+        resolved = errors <= CERTIFICATES.resolved * np.abs(values)
+        for i in np.flatnonzero(status == CONVERGED):
+            words[i] = EXCEEDS if exceeds[i] else words[i] if resolved[i] else "under-resolved"
         merit = task.objectives[0].sign * values
         ranked = sorted(range(len(results)), key=lambda i: (exceeds[i], merit[i]))
         order = [i for i in ranked if i < len(solutions) or i == ranked[0]]
@@ -257,6 +261,7 @@ def _optima(
             status=words[i],
             violation_between=results[i].violation,
             criticality=confirmed_criticality(results[i].program(program), results[i].x),
+            discretisation_error=float(errors[i]),
         )
         for i in order
     )

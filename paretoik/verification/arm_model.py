@@ -87,6 +87,13 @@ class ArmModel:
         place = self.pin.updateFramePlacement(self.model, self.data, number)
         return place.rotation.copy(), place.translation.copy(), jacobian
 
+    def drift(self, q: np.ndarray, dq: np.ndarray, frame: str = "tool") -> np.ndarray:
+        """Return the acceleration (6,) in world axes that a frame has without accelerations of joints."""
+        number, world = self.frame_number(frame), self.pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        self.pin.forwardKinematics(self.model, self.data, q, dq, np.zeros_like(q))
+        motion = self.pin.getFrameClassicalAcceleration(self.model, self.data, number, world)
+        return np.concatenate([motion.linear, motion.angular])
+
     def nodes(self, q: np.ndarray) -> np.ndarray:
         """Return the arm as polylines (time, dof + 2, 3) [m]: base, every joint, tool."""
         number = self.frame_number(TOOL_FRAME)

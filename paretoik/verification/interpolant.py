@@ -59,8 +59,8 @@ def rates(
     if differences == "spline":
         t = instants_of(time, differences)
         third = curve.derivative(3)
-        inside = np.minimum(t, (time[-1] + time[-2]) / 2)
-        return curve.derivative(1)(t), curve.derivative(2)(t), third(inside)
+        after = np.where(t < time[-1], t, time[0] if cyclic else (time[-1] + time[-2]) / 2)
+        return curve.derivative(1)(t), curve.derivative(2)(t), third(after)
     if differences == "backward":
         first = _backward(q, time, cyclic=cyclic)
         second = _backward(first, time, cyclic=cyclic)

@@ -15,6 +15,7 @@ LIBRARY = "paretoik.task.objectives"  # where the library's own are defined
 
 def objective_value(objective: Any, motion: MeasuredMotion) -> float:
     """Return an objective of a motion, in its own sign."""
+    motion = motion.bounding if objective.form == "peak" else motion
     return form_value(objective.form, objective_function(objective)(motion), motion, maximise=objective.maximise)
 
 

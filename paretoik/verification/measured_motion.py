@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -12,7 +12,7 @@ import numpy as np
 from paretoik.verification.arm_model import ArmModel
 from paretoik.verification.interpolant import instants_of, quadrature, rates, rebuild
 from paretoik.verification.obstacle_distances import pair_distances
-from paretoik.verification.path_targets import path_points, task_axes, task_error, tracking_errors
+from paretoik.verification.path_targets import curve_states, path_points, task_axes, task_error, tracking_errors
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -31,6 +31,12 @@ class MeasuredMotion:
     jerk: np.ndarray
     weights: np.ndarray
     link_radius: float = 0.0
+    velocity_bounds: np.ndarray | None = None
+
+    @property
+    def bounding(self) -> MeasuredMotion:
+        """The motion with velocities that bound those between samples: peaks are of these."""
+        return self if self.velocity_bounds is None else replace(self, dq=self.velocity_bounds, velocity_bounds=None)
 
     @property
     def arm(self) -> Any:
@@ -154,16 +160,21 @@ def measure(model: ArmModel, task: Any, time: np.ndarray, q: np.ndarray) -> Meas
     curve = rebuild(time, q, differences=differences, cyclic=cyclic, ends_at_rest=rest)
     dq, ddq, jerk = rates(curve, time, q, differences=differences, cyclic=cyclic)
     t = instants_of(time, differences)
-    if len(t) > len(time):
-        dense = np.array(curve(t))
-        dense[::2] = q
-        q = dense
+    bounds = None
+    if differences == "spline":
+        state = np.array(curve(t)), dq, ddq
+        # the velocity's Bernstein coefficient between two samples is v − h² q⃛ / 8, v in the middle
+        step = np.append(np.diff(time).repeat(2), 0.0)[:, None]
+        lower = np.where(np.arange(len(t))[:, None] % 2, step**2 / 8, 0.0) * jerk
+        q, dq, ddq = curve_states(model, task.tasks, state, t) if getattr(task, "tasks", ()) else state
+        bounds = (dq - lower)[None]
     weights = quadrature(time, differences)
     rows = {"time": t, "q": q, "dq": dq, "ddq": ddq, "jerk": jerk}
     return MeasuredMotion(
         model=model,
         task=task,
         weights=weights,
+        velocity_bounds=bounds,
         link_radius=float(getattr(task, "link_radius", 0.0)),
         **{name: np.asarray(values)[None] for name, values in rows.items()},
     )

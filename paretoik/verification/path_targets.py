@@ -54,6 +54,106 @@ def path_points(path: Any, t: np.ndarray) -> tuple[np.ndarray, np.ndarray | None
     return positions, _matrices(quaternions)
 
 
+def covering_rates(law: str, fraction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the first and second derivatives of ``covered``."""
+    if law == "uniform":
+        return np.ones_like(fraction), np.zeros_like(fraction)
+    if law == "quintic":
+        first = np.polyder([6.0, -15.0, 10.0, 0.0, 0.0, 0.0])
+        return np.polyval(first, fraction), np.polyval(np.polyder(first), fraction)
+    half = np.where(fraction <= 0.5, fraction, 1.0 - fraction)
+    bend = 4.0 * (1.0 - np.cos(4.0 * np.pi * half))
+    return 4.0 * half - np.sin(4.0 * np.pi * half) / np.pi, np.where(fraction <= 0.5, bend, -bend)
+
+
+def path_rates(path: Any, t: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Return velocities and accelerations of a path at times, then those of its orientation about world axes, or 0."""
+    curve, t = path.curve, np.asarray(t, dtype=float)
+    speed, bend, parameter = np.ones((len(t), 1)), np.zeros((len(t), 1)), t
+    if type(curve).__name__ == "TimedCurve":
+        fraction = t / curve.duration
+        first, second = covering_rates(curve.law, fraction)
+        speed, bend = first[:, None] / curve.duration, second[:, None] / curve.duration**2
+        parameter, curve = covered(curve.law, fraction), curve.shape
+    kind, none = type(curve).__name__, np.zeros((len(t), 3))
+    if kind == "Line":
+        axis = none
+        if curve.quaternion is not None:
+            axis = none + Rotation.from_quat(np.roll(curve.quaternion, -1)).apply(np.asarray(curve.rotation_vector))
+        parts = np.tile(curve.step, (len(t), 1)), np.zeros((len(t), len(curve.step))), axis, none
+    elif kind == "Circle":
+        angle = (curve.phase + curve.sweep * parameter)[:, None]
+        out = np.cos(angle) * curve.axes[0] + np.sin(angle) * curve.axes[1]
+        along = np.cos(angle) * curve.axes[1] - np.sin(angle) * curve.axes[0]
+        parts = curve.sweep * along, -(curve.sweep**2) * out, none, none
+    elif kind == "Spline":
+        turns = (none, none)
+        if curve.rotations is not None:
+            here = curve.rotations(parameter)
+            turns = here.apply(curve.rotations(parameter, 1)), here.apply(curve.rotations(parameter, 2))
+        parts = curve.positions(parameter, 1), curve.positions(parameter, 2), *turns
+    else:
+        rates = path.rates(t)  # a user's function has differences alone
+        return tuple(none if part is None else part for part in rates)
+    return (
+        parts[0] * speed,
+        parts[0] * bend + parts[1] * speed**2,
+        parts[2] * speed,
+        parts[2] * bend + parts[3] * speed**2,
+    )
+
+
+def curve_states(
+    model: ArmModel, tasks: Any, spline: tuple[np.ndarray, np.ndarray, np.ndarray], t: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return positions and rates (time, dof) of a spline's projection where its directions stand still.
+
+    They are the normal directions at the spline. Where it is too far from the path, its own state is returned.
+    """
+    targets = [(task, path_points(task.path, t), path_rates(task.path, t)) for task in tasks]
+    states = np.array(spline)
+    for k in range(len(t)):
+        s, ds, dds = (part[k] for part in spline)
+        q, directions, size = s.copy(), None, np.inf
+        for _ in range(12):
+            miss, jacobian = _task_system(model, targets, q, k)
+            size = np.abs(miss).max()
+            directions = model.scales[:, None] ** 2 * jacobian.T if directions is None else directions
+            if size <= 1e-13:
+                break
+            q = q + directions @ np.linalg.solve(jacobian @ directions, miss)
+        if size > 1e-10:
+            continue
+        _, jacobian = _task_system(model, targets, q, k)
+        matrix = jacobian @ directions
+        wanted = _task_rates(model, targets, q, None, k)
+        dq = ds + directions @ np.linalg.solve(matrix, wanted - jacobian @ ds)
+        wanted = _task_rates(model, targets, q, dq, k)
+        states[:, k] = q, dq, dds + directions @ np.linalg.solve(matrix, wanted - jacobian @ dds)
+    return states[0], states[1], states[2]
+
+
+def _task_system(model: ArmModel, targets: list[Any], q: np.ndarray, k: int) -> tuple[np.ndarray, np.ndarray]:
+    parts = [task_error(model, task, q, x[k], None if r is None else r[k]) for task, (x, r), _ in targets]
+    return np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
+
+
+def _task_rates(model: ArmModel, targets: list[Any], q: np.ndarray, dq: np.ndarray | None, k: int) -> np.ndarray:
+    """Return what the tasks' Jacobian times velocities is, or with velocities what it is times accelerations."""
+    rows = []
+    for task, _, rates in targets:
+        v, a, turn, bend = (part[k] for part in rates)
+        size, turning = task_axes(task, model.arm)
+        rotation, _, jacobian = model.jacobian(q, task.frame)
+        if dq is None:
+            linear, angular = v[:size], turn
+        else:
+            drift, omega = model.drift(q, dq, task.frame), jacobian[3:] @ dq
+            linear, angular = a[:size] - drift[:size], bend + np.cross(omega, omega - turn) - drift[3:]
+        rows += [linear / model.length, (rotation.T @ angular)[list(turning)]]
+    return np.concatenate(rows)
+
+
 def sample_points(path: Any) -> tuple[np.ndarray, np.ndarray | None]:
     """Return the positions and rotations of a path at its samples, as it lists them."""
     return np.asarray(path.positions), _matrices(path.quaternions)

@@ -253,6 +253,9 @@ def _certificate(front: Front, row: int) -> str:
         f"- violation {certificates.violation[row]:.2g} at samples, {certificates.violation_between[row]:.2g} between, "
         "of a limit's range",
     ]
+    errors = zip(front.names, front.units, certificates.discretisation_error[row], strict=True)
+    texts = [f"{name} {value_text(error, unit)}" for name, unit, error in errors if np.isfinite(error)]
+    lines += [f"- off the values of the curve by {', '.join(texts)}"] * bool(texts)
     return "## Certificate\n\n" + "\n".join(lines)
 
 

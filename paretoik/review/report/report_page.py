@@ -152,6 +152,10 @@ class ReportPage:
             "violation": (violated, certificates.violation),
             "between samples": (between, certificates.violation_between),
             "criticality": (critical, certificates.kkt_residual),
+        } | {
+            f"error of {name}": (f"how far {name} is off its value on the motion's curve", errors)
+            for name, errors in zip(front.names, certificates.discretisation_error.T, strict=True)
+            if np.isfinite(errors).any()
         }
 
     def _check_heads(self) -> list[tuple[str, str]]:
