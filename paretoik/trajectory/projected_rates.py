@@ -11,9 +11,9 @@ Second ones take K for a constant: its own derivatives count times g, ġ and g̈
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from itertools import chain
 from typing import Any
 
@@ -27,6 +27,7 @@ from paretoik.autodiff.tracing import Trace, TracedArray
 from paretoik.robot.arm import Arm
 from paretoik.robot.scales import joint_scales
 from paretoik.task.motion_task import MotionTask
+from paretoik.task.retraction import OPTIONS
 from paretoik.task.task import Task, path_equations, path_jacobian
 from paretoik.task.traced_motion import TracedMotion
 
@@ -99,12 +100,24 @@ def _array(trace: Trace, entries: Sequence[int]) -> TracedArray:
     return TracedArray(trace, values, shared=True)
 
 
-@lru_cache(maxsize=16)
+_PROJECTIONS: OrderedDict[Any, _Projection] = OrderedDict()
+
+
 def _projection(arm: Arm, tasks: tuple[Task, ...]) -> _Projection:
-    """Return the projection onto paths of some tasks, whatever these are."""
+    """Return the projection onto paths of some tasks, from memory if they were met before on any path."""
+    key = arm, *((task.frame, task.axes) for task in tasks)
+    if key not in _PROJECTIONS:
+        _PROJECTIONS[key] = _trace_projection(arm, tasks)
+        if len(_PROJECTIONS) > OPTIONS.cache_size:
+            _PROJECTIONS.popitem(last=False)
+    return _PROJECTIONS[key]
+
+
+def _trace_projection(arm: Arm, tasks: tuple[Task, ...]) -> _Projection:
     tape, n, size = Tape(), arm.dof, sum(task.target_size for task in tasks)
-    s, ds, dds = ([tape.input() for _ in range(n)] for _ in range(3))
-    x, dx, ddx = ([tape.input() for _ in range(size)] for _ in range(3))
+    state: list[list[Any]] = [[tape.input() for _ in range(n)] for _ in range(3)]
+    targets: list[list[Any]] = [[tape.input() for _ in range(size)] for _ in range(3)]
+    (s, ds, dds), (x, dx, ddx) = state, targets
     flat: Any = path_jacobian(arm, tasks, s)
     rows, squares = len(flat) // n, joint_scales(arm) ** 2
     directions = [[float(squares[j]) * flat[k * n + j] for k in range(rows)] for j in range(n)]
@@ -116,7 +129,7 @@ def _projection(arm: Arm, tasks: tuple[Task, ...]) -> _Projection:
         return matrix, _eliminate(matrix)
 
     def correct(values: Sequence[Any], errors: Sequence[Any]) -> list[Any]:
-        step = _substitute(*system, errors)
+        step = _substitute(system[0], system[1], errors)
         return [
             v - _sum(d * k for d, k in zip(row, step, strict=True)) for v, row in zip(values, directions, strict=True)
         ]
