@@ -45,6 +45,7 @@ class Terms:
 
 def objective_terms(objective: Any, motion: MeasuredMotion, factor: float) -> Terms:
     """Return an objective times a factor, which is negative if it is maximised, as terms to minimise."""
+    motion = motion.bounding if objective.form == "peak" else motion
     name, count = _library_name(objective), motion.time.shape[1]
     instants, weights = np.arange(count), motion.weights if objective.form == "integral" else None
     if name in ABSOLUTE and factor > 0:
