@@ -5,7 +5,7 @@ The derivative of each operation stands in ``operation_derivatives``.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 from paretoik.autodiff.operation_derivatives import partial_derivatives
 from paretoik.autodiff.operations import NO_OPERAND, PIECEWISE, Op
@@ -24,13 +24,13 @@ def dependencies(tape: Tape, outputs: Sequence[int]) -> list[int]:
     return sorted(visited)
 
 
-def gradient(tape: Tape, output: int, wrt: Sequence[int], frozen: Collection[int] = ()) -> list[int]:
-    """Return the entries of ∂output/∂input for each input of ``wrt``; ``frozen`` entries count as constants."""
+def gradient(tape: Tape, output: int, wrt: Sequence[int]) -> list[int]:
+    """Return the entries of ∂output/∂input for each input of ``wrt``."""
     adjoint: dict[int, int] = {output: tape.constant(1.0)}
     masked: set[int] = set()  # reached through a piece that may not be taken, whose derivatives may be inf or NaN
     for i in reversed(dependencies(tape, [output])):
         seed = adjoint.get(i)
-        if seed is None or i in frozen:
+        if seed is None:
             continue
         multiply = Op.MASKED_MULTIPLY if i in masked else Op.MULTIPLY
         for operand, partial in partial_derivatives(tape, i):
@@ -65,13 +65,13 @@ def tangents(tape: Tape, outputs: Sequence[int], direction: Mapping[int, int]) -
     return [tangent.get(i, zero) for i in outputs]
 
 
-def hessian(tape: Tape, output: int, wrt: Sequence[int], frozen: Collection[int] = ()) -> dict[tuple[int, int], int]:
-    """Return the entries of ∂²output/∂wrt[i]∂wrt[j] that are not always 0, for i ≥ j; see ``gradient``."""
+def hessian(tape: Tape, output: int, wrt: Sequence[int]) -> dict[tuple[int, int], int]:
+    """Return the entries of ∂²output/∂wrt[i]∂wrt[j] that are not always 0, for i ≥ j."""
     zero = tape.constant(0.0)
-    first, one = gradient(tape, output, wrt, frozen), tape.constant(1.0)
-    still, second = dict.fromkeys(frozen, zero), {}
+    first, one = gradient(tape, output, wrt), tape.constant(1.0)
+    second = {}
     for j, variable in enumerate(wrt):
-        for i, value in enumerate(tangents(tape, first[j:], still | {variable: one}), start=j):
+        for i, value in enumerate(tangents(tape, first[j:], {variable: one}), start=j):
             if value != zero:
                 second[i, j] = value
     return second

@@ -1,10 +1,10 @@
-"""Newton's method onto the path, compiled."""
+"""Newton's method onto the path, and the rates of what it leads to, compiled."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from paretoik.autodiff.interpreter import run_block
+from paretoik.autodiff.interpreter import run, run_block
 from paretoik.compilation import compiled, inlined
 
 
@@ -44,7 +44,7 @@ def newton(arrays, targets, directions, scales, settings, q, errors, same_sheet)
         for lane in range(active):
             s = sample_of[lane]
             size = _newton_system(workspace, outputs, lane, directions, scales, s, matrix, step)
-            same_sheet[s] = _solve(matrix, step) > 0
+            same_sheet[s] = solve(matrix, step) > 0
             errors[s] = size
             iterations[lane] += 1
             if not size > tolerance:
@@ -86,14 +86,64 @@ def _move(q, directions, s, step, max_step):
 
 
 @compiled
-def solve_small_systems(matrices, right, determinants):
-    """Overwrite matrices (count, size, size), and right (count, size) with the solutions; write determinants."""
-    for i in range(len(matrices)):
-        determinants[i] = _solve(matrices[i], right[i])
+def project_rates(rates, inputs, values, scales, spline, directions, turning, bending, state, multipliers):
+    """Write velocities and accelerations of a spline's projection q = s + D λ; ``state``[0] holds its positions.
+
+    ``spline`` and ``state`` are (3, points, dof): positions, velocities, accelerations. ``directions`` D, with first
+    and second derivatives ``turning`` and ``bending``, are (points, dof, rows); without derivatives (0, dof, rows).
+    ``rates`` is the evaluator of ∂g/∂q, ġ and g̈ at ``inputs``: state, then targets with two derivatives.
+    ``multipliers`` (3, points, rows) become λ, λ̇ and λ̈. Errors show as inf or NaN.
+    """
+    points, n, rows = directions.shape
+    matrix, right = np.empty((rows, rows)), np.empty(rows)
+    for p in range(points):
+        for i in range(rows):
+            right[i] = 0.0
+            for j in range(n):
+                right[i] += directions[p, j, i] * (state[0, p, j] - spline[0, p, j]) / scales[j] ** 2
+            for k in range(rows):
+                matrix[i, k] = 0.0
+                for j in range(n):
+                    matrix[i, k] += directions[p, j, i] * directions[p, j, k] / scales[j] ** 2
+        solve(matrix, right)
+        multipliers[0, p] = right
+        for j in range(n):
+            inputs[j, p] = state[0, p, j]
+    for order in range(1, 3):
+        for p in range(points):
+            for j in range(n):
+                rate = spline[order, p, j]
+                for k in range(rows if len(turning) else 0):
+                    if order == 1:  # ṡ + Ḋ λ, and then + D λ̇
+                        rate += turning[p, j, k] * multipliers[0, p, k]
+                    else:  # s̈ + D̈ λ + 2 Ḋ λ̇, and then + D λ̈
+                        rate += bending[p, j, k] * multipliers[0, p, k] + 2 * turning[p, j, k] * multipliers[1, p, k]
+                state[order, p, j] = inputs[order * n + j, p] = rate
+        run(rates, inputs, values)
+        for p in range(points):
+            for i in range(rows):
+                right[i] = -values[rows * (n + order - 1) + i, p]
+                for k in range(rows):
+                    matrix[i, k] = 0.0
+                    for j in range(n):
+                        matrix[i, k] += values[i * n + j, p] * directions[p, j, k]
+            solve(matrix, right)
+            multipliers[order, p] = right
+            for j in range(n):
+                for k in range(rows):
+                    state[order, p, j] += directions[p, j, k] * right[k]
+                inputs[order * n + j, p] = state[order, p, j]
 
 
 @compiled
-def _solve(matrix, right):
+def solve_small_systems(matrices, right, determinants):
+    """Overwrite matrices (count, size, size), and right (count, size) with the solutions; write determinants."""
+    for i in range(len(matrices)):
+        determinants[i] = solve(matrices[i], right[i])
+
+
+@compiled
+def solve(matrix, right):
     """Overwrite ``right`` with matrix⁻¹ right; return the determinant. Gaussian elimination without pivoting.
 
     Directions are ordered so that the matrix starts lower triangular with a positive diagonal; a pivot that vanishes

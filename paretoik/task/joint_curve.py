@@ -23,11 +23,9 @@ from paretoik.autodiff.tape import Tape, as_entry
 from paretoik.robot.arm import Arm
 from paretoik.robot.scales import joint_scales
 from paretoik.tables import field_representation, html_representation
-from paretoik.task.retraction import OPTIONS, solve_small_systems
+from paretoik.task.retraction import OPTIONS, compiled_steps, row_scales
 from paretoik.task.task import Task, path_equations
 
-Columns: TypeAlias = Float[np.ndarray, "points columns"]
-Matrices: TypeAlias = Float[np.ndarray, "points rows columns"]
 Frames: TypeAlias = Float[np.ndarray, "*batch instants dof rows"]
 
 
@@ -102,62 +100,61 @@ def project_rates(
     Exact up to rounding: no differences are taken. The system is regular where the projection succeeded, because
     that changes no determinant's sign.
     """
-    x, dx, ddx = (
-        np.broadcast_to(part, (*q.shape[:-1], part.shape[-1])).reshape(-1, part.shape[-1]) for part in targets
+    points, n = int(np.prod(q.shape[:-1])), arm.dof
+    moving, *turning = (np.ascontiguousarray(part.reshape(points, *part.shape[-2:])) for part in directions)
+    given = [np.broadcast_to(part, (*q.shape[:-1], part.shape[-1])).reshape(points, -1) for part in targets]
+    inputs = np.concatenate([np.zeros((3 * n, points)), *(part.T for part in given)])
+    before = np.stack([part.reshape(points, n) for part in spline])
+    evaluator, rows = rate_evaluator(arm, tasks), moving.shape[-1]
+    state = np.stack([q.reshape(points, n), *before[1:]])
+    compiled_steps().project_rates(
+        evaluator.arrays,
+        inputs,
+        np.empty((len(evaluator.outputs), points)),
+        joint_scales(arm),
+        before,
+        moving,
+        *turning,
+        state,
+        np.empty((3, points, rows)),
     )
-    s, ds, dds, q_flat = (part.reshape(-1, arm.dof) for part in (*spline, q))
-    moving, turning, bending = (part.reshape(-1, *part.shape[-2:]) for part in directions)
-    equations, rows, zero = _equations_evaluator(arm, tasks), moving.shape[-1], np.zeros_like(s)
-    scaled = moving / joint_scales(arm)[:, None]
-    right = _apply(np.swapaxes(scaled, -1, -2), (q_flat - s) / joint_scales(arm))
-    multipliers, _ = solve_small_systems(np.swapaxes(scaled, -1, -2) @ scaled, right)  # λ
-    slopes, drift, _ = _evaluate(equations, rows, arm.dof, [q_flat, zero, zero, x, dx, ddx])
-    matrix = slopes @ moving
-
-    dq = ds + _apply(turning, multipliers)  # ṡ + Ḋ λ, and then + D λ̇
-    rate, _ = solve_small_systems(matrix, -(drift + _apply(slopes, dq)))
-    dq = dq + _apply(moving, rate)
-
-    _, _, drift = _evaluate(equations, rows, arm.dof, [q_flat, dq, zero, x, dx, ddx])
-    ddq = dds + _apply(bending, multipliers) + 2 * _apply(turning, rate)  # s̈ + D̈ λ + 2 Ḋ λ̇, and then + D λ̈
-    rate, _ = solve_small_systems(matrix, -(drift + _apply(slopes, ddq)))
-    return JointState(q, dq.reshape(q.shape), (ddq + _apply(moving, rate)).reshape(q.shape))
+    return JointState(*state.reshape(3, *q.shape))
 
 
-def _apply(matrices: Matrices, vectors: Columns) -> Columns:
-    return np.einsum("pij,pj->pi", matrices, vectors)
+def rate_evaluator(arm: Arm, tasks: Sequence[Task]) -> Evaluator:
+    """Return the evaluator of ∂g/∂q, ġ and g̈ at q, q̇ and q̈ and the targets with their derivatives.
 
-
-def _evaluate(
-    evaluator: Evaluator, rows: int, dof: int, columns: Sequence[Columns]
-) -> tuple[Matrices, Columns, Columns]:
-    """Return a matrix (points, rows, dof) and the two vectors (points, ...) that follow it."""
-    values = evaluator(np.concatenate(columns, axis=1).T).T
-    first, second = np.split(values[:, rows * dof :], 2, axis=1)
-    return values[:, : rows * dof].reshape(-1, rows, dof), first, second
-
-
-def _equations_evaluator(arm: Arm, tasks: Sequence[Task]) -> Evaluator:
-    """Return the evaluator of ∂g/∂q, and of ġ and g̈, at q, q̇ and q̈ and the targets with their derivatives."""
+    The path equations g are relative to ``row_scales``.
+    """
     key = arm, *((task.frame, task.axes) for task in tasks)
     if key not in _EVALUATORS:
-        tape = Tape()
-        q, dq, ddq = _inputs(tape, arm.dof, 3)
-        targets, rates, accelerations = _inputs(tape, sum(task.target_size for task in tasks), 3)
-        equations = [as_entry(tape, value) for value in path_equations(arm, tasks, q, targets)]
-        moving = _directions(q, dq) | _directions(targets, rates)
-        first = tangents(tape, equations, moving)
-        second = tangents(tape, first, moving | _directions(dq, ddq) | _directions(rates, accelerations))
-        wrt = [value.index for value in q]
-        slopes = [entry for equation in equations for entry in gradient(tape, equation, wrt)]
-        _EVALUATORS[key] = compile_evaluator(tape, [*slopes, *first, *second])
+        tape, (q, *_), rates = trace_path(arm, tasks)
+        slopes = [entry for equation in rates[0] for entry in gradient(tape, equation, q)]
+        _EVALUATORS[key] = compile_evaluator(tape, [*slopes, *rates[1], *rates[2]])
         if len(_EVALUATORS) > OPTIONS.cache_size:
             _EVALUATORS.popitem(last=False)
     return _EVALUATORS[key]
 
 
-def _inputs(tape: Tape, count: int, kinds: int) -> list[list[Any]]:
-    return [[tape.input() for _ in range(count)] for _ in range(kinds)]
+def trace_path(arm: Arm, tasks: Sequence[Task]) -> tuple[Tape, list[list[int]], list[list[int]]]:
+    """Return a tape, the entries of q, q̇ and q̈ on it, and those of g, ġ and g̈.
+
+    Its inputs are q, q̇ and q̈, then the targets with their first and their second derivatives.
+    """
+    tape = Tape()
+    q, dq, ddq = _inputs(tape, arm.dof)
+    targets, speeds, accelerations = _inputs(tape, sum(task.target_size for task in tasks))
+    shares = 1.0 / row_scales(arm, tasks)
+    errors = path_equations(arm, tasks, q, targets)
+    equations = [as_entry(tape, error * share) for error, share in zip(errors, shares, strict=True)]
+    moving = _directions(q, dq) | _directions(targets, speeds)
+    first = tangents(tape, equations, moving)
+    second = tangents(tape, first, moving | _directions(dq, ddq) | _directions(speeds, accelerations))
+    return tape, [[value.index for value in part] for part in (q, dq, ddq)], [equations, first, second]
+
+
+def _inputs(tape: Tape, count: int) -> list[list[Any]]:
+    return [[tape.input() for _ in range(count)] for _ in range(3)]
 
 
 def _directions(values: Sequence[Any], rates: Sequence[Any]) -> dict[int, int]:

@@ -52,7 +52,7 @@ def task_errors(
     """Return the errors [m, rad] of all tasks and their Jacobian at postures."""
     batch, rows = q.shape[:-1], sum(task.rows for task in tasks)
     inputs = np.concatenate([q, np.broadcast_to(targets, (*batch, targets.shape[-1]))], axis=-1)
-    values = _error_evaluator(arm, tasks)(inputs.reshape(-1, inputs.shape[-1]).T).T
+    values = error_evaluator(arm, tasks)(inputs.reshape(-1, inputs.shape[-1]).T).T
     return values[:, :rows].reshape(*batch, rows), values[:, rows:].reshape(*batch, rows, arm.dof)
 
 
@@ -89,8 +89,8 @@ def retract(
     q, error, same_sheet = start.copy(), np.empty(batch), np.empty(batch, dtype=bool)
     targets = np.broadcast_to(targets, (*batch, targets.shape[-1])).reshape(-1, targets.shape[-1])
     directions = directions.reshape(-1, *directions.shape[-2:])
-    _compiled().newton(
-        _error_evaluator(arm, tasks).arrays,
+    compiled_steps().newton(
+        error_evaluator(arm, tasks).arrays,
         np.require(targets, float, ["C", "W"]),  # one signature: a read-only array would be compiled for anew
         np.ascontiguousarray(directions, dtype=float),
         row_scales(arm, tasks),
@@ -134,18 +134,19 @@ def solve_small_systems(
     A pivot that vanishes gives a solution that is not finite, or a determinant of 0.
     """
     solution, determinant = np.array(right, dtype=float, order="C"), np.empty(len(matrix))
-    _compiled().solve_small_systems(np.array(matrix, dtype=float, order="C"), solution, determinant)
+    compiled_steps().solve_small_systems(np.array(matrix, dtype=float, order="C"), solution, determinant)
     return solution, determinant
 
 
 @cache
-def _compiled() -> Any:
+def compiled_steps() -> Any:
+    """Return the compiled steps of the projection onto paths."""
     from paretoik.task import compiled  # here: numba takes its time
 
     return compiled
 
 
-def _error_evaluator(arm: Arm, tasks: Sequence[Task]) -> Evaluator:
+def error_evaluator(arm: Arm, tasks: Sequence[Task]) -> Evaluator:
     """Return the evaluator of all errors, then all entries of the Jacobian, at joint positions and targets."""
     key = arm, *((task.frame, task.axes) for task in tasks)
     if key not in _EVALUATORS:

@@ -6,13 +6,11 @@ functions of the whole motion.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
 
-from paretoik.arrays import JointPaths
 from paretoik.autodiff.differentiation import dependencies
 from paretoik.autodiff.operations import PIECEWISE, Op
 from paretoik.autodiff.rewriting import smooth_pieces
@@ -27,15 +25,13 @@ from paretoik.task.traced_motion import (
     trace_motion,
     trace_motion_function,
     trace_sample,
+    trace_sample_again,
     trace_sample_function,
 )
-from paretoik.trajectory.projected_rates import project_motion, project_values
 from paretoik.trajectory.whole_functions import WholeFunction, whole_function
 
 LOADS = ("torque", "power")
-PROJECTED = ("acceleration", *LOADS)  # limits that feel the projection onto the path
 KINKS = PIECEWISE | {Op.ABSOLUTE}
-ON_PATH = " on the path"  # after the name of a limit: its rates are those of the projected curve
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,13 +53,12 @@ class Functions:
     its pieces: its epigraph variable σ is in ``epigraph_variables``, the entries σ − piece ≥ 0 in ``epigraph_rows``;
     ``epigraph_peaks`` says for each of these which peak it belongs to.
 
-    ``motion`` is an instant of the spline, whose rates and loads are limited, ``curve`` that of its projection, which
-    all else is of; second derivatives take the entries ``frozen`` as fixed. See ``projected_rates``.
+    ``motion`` is an instant of the motion's curve. Integrals with kinks are those of its ``spline``: a travel, for one,
+    is the same along many motions, and what Simpson's rule leaves on the curve would tell these apart.
     """
 
     motion: TracedMotion
-    curve: TracedMotion
-    frozen: frozenset[int]
+    spline: TracedMotion
     totals: list[Total] = field(default_factory=list)
     sums: list[int] = field(default_factory=list)
     names: list[str] = field(default_factory=list)
@@ -79,27 +74,24 @@ class Functions:
     def distances(self) -> list[int]:
         """Entries of the distances to obstacles: pieces that meet without a kink."""
         tape, obstacles = self.motion.trace.tape, self.motion.task.obstacles
-        return dependencies(tape, [as_entry(tape, self.curve.clearance.entries)] if obstacles else [])
+        return dependencies(tape, [as_entry(tape, self.motion.clearance.entries)] if obstacles else [])
 
 
-def trace_functions(task: MotionTask, shares: np.ndarray, near: JointPaths | None = None) -> Functions:
+def trace_functions(task: MotionTask, shares: np.ndarray) -> Functions:
     """Return the functions of a task, each objective multiplied by its share.
-
-    Where a motion ``near`` by is given, accelerations, torques and powers are limited on the path too; see
-    ``projected_rates``.
 
     Raises InvalidInput, naming the objective or limit, where its derivative cannot be had.
     """
-    motion = trace_sample(task, scales=joint_scales(task.arm))
-    curve, frozen = project_motion(motion)
-    functions = Functions(motion=motion, curve=curve, frozen=frozen)
+    scales = joint_scales(task.arm)
+    motion = trace_sample(task, scales=scales)
+    functions = Functions(motion=motion, spline=trace_sample_again(motion, scales))
     for term, share in zip(task.objectives, shares, strict=True):
         _add_total(functions, f"objective {term.name}", term, term.sign * float(share), np.inf)
     _add_limits(functions)
     for constraint in task.constraints:
         label = f"constraint {constraint.name}"
         value = (
-            trace_sample_function(functions.curve, label, constraint.function) if constraint.form == "peak" else None
+            trace_sample_function(functions.motion, label, constraint.function) if constraint.form == "peak" else None
         )
         if value is not None:
             bounds = np.array([constraint.lower, constraint.upper])
@@ -108,17 +100,15 @@ def trace_functions(task: MotionTask, shares: np.ndarray, near: JointPaths | Non
         for sign, bound in ((1.0, constraint.upper), (-1.0, -constraint.lower)):
             if np.isfinite(bound):
                 _add_total(functions, label, constraint, sign / constraint.scale, bound / constraint.scale)
-    if near is not None:  # last: the limits before them stay where they are
-        _add_kinds(functions, curve, PROJECTED, ON_PATH)
     return functions
 
 
 def _add_total(functions: Functions, label: str, term: Objective | Constraint, factor: float, upper: float) -> None:
-    motion, form = functions.curve, term.form
+    motion, form = functions.motion, term.form
     if form == "peak" and isinstance(term, Objective):
         motion = bounding(motion)
-    elif form == "integral" and _has_kinks(functions.motion, label, term):
-        motion = functions.motion
+    elif form == "integral" and motion.task.differences == "spline" and _has_kinks(motion, label, term):
+        motion = functions.spline
     value = trace_sample_function(motion, label, term.function) if form in ("integral", "peak") else None
     if value is None:
         functions.totals.append(Total(name=term.name, kind="whole", index=len(functions.whole_functions), upper=upper))
@@ -140,10 +130,6 @@ def _add_total(functions: Functions, label: str, term: Objective | Constraint, f
 
 
 def _has_kinks(motion: TracedMotion, label: str, term: Objective | Constraint) -> bool:
-    """Return whether an integral has kinks: then it is of the spline itself.
-
-    Travel, for one, is the same along many motions. On the curve what Simpson's rule leaves would tell these apart.
-    """
     value, tape = trace_sample_function(motion, label, term.function), motion.trace.tape
     return value is not None and any(tape.entries[i][0] in KINKS for i in dependencies(tape, [as_entry(tape, value)]))
 
@@ -151,7 +137,7 @@ def _has_kinks(motion: TracedMotion, label: str, term: Objective | Constraint) -
 def _whole(task: MotionTask, label: str, term: Objective | Constraint, factor: float) -> WholeFunction:
     motion = trace_motion(task, scales=joint_scales(task.arm))
     seen = bounding(motion) if term.form == "peak" and isinstance(term, Objective) else motion
-    values = project_values(motion, trace_motion_function(seen, label, term.function, term.form))
+    values = trace_motion_function(seen, label, term.function, term.form)
     total: Any = 0.0
     if term.form == "integral":
         for weight, value in zip(task.weights, values, strict=True):
@@ -179,23 +165,22 @@ def _add_limits(functions: Functions) -> None:
     task = functions.motion.task
     if task.differences == "spline" and "velocity" in task.bounds:
         _add_inner_velocities(functions)
-    _add_kinds(functions, functions.motion, LOADS)
+    _add_loads(functions)
     if task.obstacles:
         bounds, ranges = np.array([task.min_clearance, np.inf]), np.array(task.clearance_range)
-        _add_row(functions, "clearance", functions.curve.clearance.entries, bounds, ranges)
+        _add_row(functions, "clearance", functions.motion.clearance.entries, bounds, ranges)
 
 
-def _add_kinds(functions: Functions, motion: TracedMotion, kinds: Sequence[str], suffix: str = "") -> None:
-    """Add the limits of some kinds on a motion, their names with a suffix."""
-    task = motion.task
-    for kind in kinds:
+def _add_loads(functions: Functions) -> None:
+    motion, task = functions.motion, functions.motion.task
+    for kind in LOADS:
         if kind not in task.bounds:
             continue
         limits, values = task.bounds_at(kind, task.instants), getattr(motion, LIMITED[kind]).entries
         ranges = task.limit_ranges(kind, limits)
         for j, joint in enumerate(task.arm.joint_names):
             if np.isfinite(limits[:, j]).any():
-                _add_row(functions, f"{kind} of {joint}{suffix}", values[j], limits[:, j], ranges[:, j])
+                _add_row(functions, f"{kind} of {joint}", values[j], limits[:, j], ranges[:, j])
 
 
 def _add_inner_velocities(functions: Functions) -> None:

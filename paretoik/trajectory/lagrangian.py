@@ -6,12 +6,15 @@ import numpy as np
 from jaxtyping import Float
 from scipy import sparse
 
+from paretoik.trajectory.compiled.curve_states import CurveWork, add_curve_multipliers, chain_gradient
+from paretoik.trajectory.curve_states import curve_arrays
 from paretoik.trajectory.program import MotionProgram
 
 
 def lagrangian_hessian(
     program: MotionProgram,
     inputs: Float[np.ndarray, "inputs instants"],
+    curve: CurveWork,
     basis: sparse.csr_array,
     function_gradients: Float[np.ndarray, "functions variables instants"],
     path_jacobian: Float[np.ndarray, "time rows dof"],
@@ -21,22 +24,27 @@ def lagrangian_hessian(
 ) -> sparse.csr_array:
     """Return the Hessian (columns, columns) of weights · F + ν · h − multipliers · c − cone_multipliers · cones.
 
-    The path's multipliers ν are those that leave no gradient in the row space of its Jacobian.
+    The path's multipliers ν are those that leave no gradient in the row space of its Jacobian. Of a spline h are also
+    the equations of its instants, with their first and second derivatives.
     """
     p, (_functions, variables, instants) = program, function_gradients.shape
     orders, n = p.stencil.orders, p.task.arm.dof
     by_limit, by_part = _part_multipliers(p, weights, multipliers, cone_multipliers)
     factors, by_variable = _function_weights(p, weights, by_limit, function_gradients.shape)
     by_variable += np.einsum("fs,fvs->vs", factors, function_gradients)
-    gradient = by_variable[: p.rates].reshape(orders, n, instants).swapaxes(1, 2).ravel()
+    gradient = by_variable[: p.states].reshape(orders, n, instants).swapaxes(1, 2).ravel()
     u = p.whole_inputs(inputs)
     for each, part in zip(p.whole_functions, by_part, strict=True):
         gradient = gradient + (each.jacobian(u).T @ part)[: len(gradient)]
-    by_position = _by_positions(p, gradient.reshape(orders, instants, n).swapaxes(1, 2), len(path_jacobian))
+    by_curve = np.ascontiguousarray(gradient.reshape(orders, instants, n).swapaxes(1, 2)).reshape(-1, instants)
+    by_spline = np.empty_like(by_curve)
+    chain_gradient(curve, np.concatenate([by_curve, by_variable[p.states : p.rates]]), by_spline)
+    by_position = _by_positions(p, by_spline.reshape(orders, n, instants), len(path_jacobian))
     right = -np.einsum("trj,tj->tr", path_jacobian, by_position)
     square = path_jacobian @ np.swapaxes(path_jacobian, -1, -2)
     inputs, (first, last) = inputs.copy(), p.evaluators.multipliers[:2]
-    inputs[first:last, :: p.task.stride] = np.linalg.solve(square, right[..., None])[..., 0].T
+    inputs[first : first + p.task.rows, :: p.task.stride] = np.linalg.solve(square, right[..., None])[..., 0].T
+    add_curve_multipliers(curve_arrays(p.task), curve, by_curve, inputs[first:last])
     inputs[last:] = factors
     hessian = basis.T @ (_by_variables(p, p.evaluators.hessian(inputs), variables, instants) @ basis)
     if p.whole_functions:

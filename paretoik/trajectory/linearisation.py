@@ -11,6 +11,8 @@ from scipy import sparse
 from paretoik.nlp.conic import Cone, stack_rows, structural_product
 from paretoik.robot.scales import joint_scales
 from paretoik.task.retraction import retract, row_space_basis
+from paretoik.trajectory.compiled.curve_states import linearise_instants
+from paretoik.trajectory.curve_states import curve_arrays
 from paretoik.trajectory.lagrangian import lagrangian_hessian, whole_basis
 from paretoik.trajectory.program import MotionProgram, MotionValues
 
@@ -77,6 +79,7 @@ class MotionLinearisation:
         return lagrangian_hessian(
             self.program,
             self.values.inputs,
+            self.values.curve,
             self.basis,
             self.function_gradients,
             self.path_jacobian,
@@ -134,6 +137,7 @@ def linearise(program: MotionProgram, q: Float[np.ndarray, "time dof"]) -> Motio
     """Return the program's values and first derivatives at a motion on the path."""
     task, samples, instants, n = program.task, len(q), len(program.task.instants), q.shape[1]
     values = program.values(q)
+    linearise_instants(curve_arrays(task), values.curve)
     evaluators, sparsity = program.evaluators, program.evaluators.gradient_sparsity
     inputs = values.inputs[:, :: task.stride].copy()
     inputs[:n] = (q / joint_scales(task.arm)).T  # the samples are on the path; a spline passes near them
@@ -149,7 +153,9 @@ def linearise(program: MotionProgram, q: Float[np.ndarray, "time dof"]) -> Motio
     functions = len(slopes) - len(sparsity.rows)
     function_gradients = np.zeros((functions, len(program.variables), instants))
     function_gradients[sparsity.rows, sparsity.columns] = slopes[functions:]
-    basis, columns = _basis(program, normal, sum(each.epigraph_columns for each in program.whole_functions))
+    basis, columns = _basis(
+        program, values.curve.chain, normal, sum(each.epigraph_columns for each in program.whole_functions)
+    )
     gradients, ties, tie_rows, cones = _whole_functions(program, values, basis, columns)
     for k, total in enumerate(program.totals):
         if total.kind == "sum":
@@ -171,21 +177,27 @@ def linearise(program: MotionProgram, q: Float[np.ndarray, "time dof"]) -> Motio
     )
 
 
-def _basis(program: MotionProgram, normal: np.ndarray, wholes: int) -> tuple[sparse.csr_array, int]:
+def _basis(program: MotionProgram, chain: np.ndarray, normal: np.ndarray, wholes: int) -> tuple[sparse.csr_array, int]:
     """Return how variables (variables · instants) change with the columns, and how many columns there are."""
     stencil, instants, (_, n, r) = program.stencil, len(program.task.instants), normal.shape
     variables, orders = len(program.variables), stencil.orders
     moves = np.einsum("oik,ikja->ojika", stencil.coefficients, normal[stencil.neighbours])
+    splines, moving = moves, stencil.coefficients != 0
+    if len(chain):
+        moves = np.einsum("iab,bikc->aikc", chain, moves.reshape(-1, *moves.shape[2:]))
+        moves, moving = moves.reshape(orders, n, *moves.shape[1:]), np.broadcast_to(moving.any(axis=0), moving.shape)
     begin = stencil.first_unknown[stencil.neighbours][..., None] + np.arange(r)  # (instants, width, r)
-    row = np.arange(orders * n * instants).reshape(orders, n, instants)
+    if program.rates > program.states:  # those of the spline
+        moves, moving = np.concatenate([moves, splines]), np.concatenate([moving, moving])
+    row = np.arange(program.rates * instants).reshape(-1, n, instants)
     rows = np.broadcast_to(row[..., None, None], moves.shape)
     places = np.broadcast_to(begin, moves.shape)
-    moving = (stencil.coefficients != 0) & (stencil.first_unknown[stencil.neighbours] >= 0)
+    moving = moving & (stencil.first_unknown[stencil.neighbours] >= 0)
     free = np.broadcast_to(moving[:, None, :, :, None], moves.shape)
     slacks, peaks = np.arange(program.slacks * instants), np.arange(program.peaks * instants)
     columns = stencil.unknowns + len(slacks) + program.peaks + wholes
     entries = np.concatenate([moves[free], np.ones(len(slacks) + len(peaks))])
-    row = np.concatenate([rows[free], orders * n * instants + np.arange(len(slacks) + len(peaks))])
+    row = np.concatenate([rows[free], program.rates * instants + np.arange(len(slacks) + len(peaks))])
     column = np.concatenate(
         [places[free], stencil.unknowns + slacks, stencil.unknowns + len(slacks) + peaks // instants]
     )

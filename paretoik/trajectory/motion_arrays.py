@@ -8,6 +8,7 @@ from jaxtyping import Int
 from paretoik.robot.scales import joint_scales
 from paretoik.trajectory.compiled import motion_kernel as _steps  # noqa: F401  what solvers do with these arrays
 from paretoik.trajectory.compiled.motion_arrays import MotionKernel
+from paretoik.trajectory.curve_states import curve_arrays
 from paretoik.trajectory.program import MotionProgram
 
 
@@ -31,6 +32,8 @@ def motion_kernel(program: MotionProgram) -> MotionKernel:
         second_i=evaluators.hessian_sparsity.rows,
         second_j=evaluators.hessian_sparsity.columns,
         track=evaluators.path.arrays,
+        curve=curve_arrays(program.task),
+        kinked=program.rates > program.states,
         neighbours=stencil.neighbours,
         coefficients=stencil.coefficients,
         first_unknown=stencil.first_unknown,

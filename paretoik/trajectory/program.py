@@ -1,8 +1,10 @@
 """The nonlinear program of a motion, as solvers see it: one evaluation of everything at every instant.
 
 The instants are the samples, with differences="spline" the middles between them too. The variables of an instant are
-u = (q, q̇, q̈, q⃛), linear in the positions q of a few samples (``Stencil``), slides measured in lengths of the arm
-(``joint_scales``), and slacks v where functions have kinks; peaks have an epigraph variable σ for the whole motion.
+u = (q, q̇, q̈, q⃛), slides measured in lengths of the arm (``joint_scales``), and slacks v if functions have kinks; peaks
+have an epigraph variable σ for the whole motion. u is linear in the positions of a few samples (``Stencil``); that of a
+spline is then projected onto the path (``curve_states``). If integrals have kinks, the u of the spline are variables
+too, behind those of the curve.
 Integral objectives are sums over instants of functions of these; limits bound u itself, or further functions such as
 torque. The path is an equation in q at every sample. Functions that relate samples to one another are
 ``WholeFunction``.
@@ -21,6 +23,8 @@ from paretoik.nlp.program import Linearisation
 from paretoik.robot.scales import joint_scales
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import normal_directions, retract
+from paretoik.trajectory.compiled.curve_states import CurveWork, allocate_curve, project_instants
+from paretoik.trajectory.curve_states import curve_arrays
 from paretoik.trajectory.functions import Total
 from paretoik.trajectory.stencil import Stencil
 from paretoik.trajectory.whole_functions import WholeFunction
@@ -75,7 +79,7 @@ class MotionValues:
 
     ``inputs`` are those of its evaluators, slack and epigraph variables at their true values; ``inequalities`` the
     limits, divided by their ranges, positive where they hold; ``ties`` those that tie slack and epigraph variables;
-    ``parts`` the smooth parts of every function of the whole motion.
+    ``parts`` the smooth parts of every function of the whole motion; ``curve`` is the state of the motion's curve.
     """
 
     inputs: Float[np.ndarray, "inputs instants"]
@@ -83,6 +87,7 @@ class MotionValues:
     inequalities: Float[np.ndarray, " inequalities"]
     ties: Float[np.ndarray, " ties"]
     parts: tuple[np.ndarray, ...]
+    curve: CurveWork
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -122,9 +127,14 @@ class MotionProgram:
         return self.evaluators.slacks
 
     @property
-    def rates(self) -> int:
+    def states(self) -> int:
         """Number of entries of u: positions and their rates, of all joints."""
         return self.stencil.orders * self.task.arm.dof
+
+    @property
+    def rates(self) -> int:
+        """Number of entries of u, and of those of the spline if they are variables."""
+        return len(self.variables) - len(self.evaluators.auxiliary)
 
     @property
     def slack_inputs(self) -> Int[np.ndarray, " slacks"]:
@@ -155,7 +165,7 @@ class MotionProgram:
     def inequality_names(self) -> tuple[str, ...]:
         """Names of the limits, each a function of a sample; see ``limited``."""
         kinds = [f"{order} of {joint}" for order in ORDERS for joint in self.task.arm.joint_names]
-        names = [*kinds[: self.rates], *[""] * (len(self.variables) - self.rates), *self.rows]
+        names = [*kinds[: self.states], *[""] * (len(self.variables) - self.states), *self.rows]
         return tuple(names[row] for row in self.limited[: self.elastic, 0])
 
     @property
@@ -214,7 +224,11 @@ class MotionProgram:
         inputs = self.inputs.copy()
         relative = q / joint_scales(self.task.arm)
         u = np.einsum("oik,ikj->oji", self.stencil.coefficients, relative[self.stencil.neighbours])
-        inputs[: self.rates] = u.reshape(self.rates, -1)
+        for first in range(0, self.rates, self.states):  # the curve, and perhaps the spline
+            inputs[self.variables[first : first + self.states]] = u.reshape(self.states, -1)
+        arrays = curve_arrays(self.task)
+        curve = allocate_curve(arrays, self.states)
+        project_instants(arrays, curve, inputs[: self.states])
         if self.slacks:
             inputs[self.slack_inputs] = self.evaluators.slack(inputs)
         values = self.evaluators.value(inputs)
@@ -234,7 +248,12 @@ class MotionProgram:
         ]
         inequalities, ties = self.limit_values(inputs, values)
         return MotionValues(
-            inputs=inputs, objectives=np.array(objectives), inequalities=inequalities, ties=ties, parts=parts
+            inputs=inputs,
+            objectives=np.array(objectives),
+            inequalities=inequalities,
+            ties=ties,
+            parts=parts,
+            curve=curve,
         )
 
     def limit_values(
@@ -248,7 +267,7 @@ class MotionProgram:
 
     def whole_inputs(self, inputs: Float[np.ndarray, "inputs instants"]) -> Float[np.ndarray, " whole_inputs"]:
         """Return the inputs of functions of the whole motion: position, ..., jerk (instants, dof) each."""
-        u = inputs[: self.rates].reshape(self.stencil.orders, self.task.arm.dof, -1).swapaxes(1, 2)
+        u = inputs[: self.states].reshape(self.stencil.orders, self.task.arm.dof, -1).swapaxes(1, 2)
         return np.concatenate([u.ravel(), np.zeros((4 - len(u)) * u[0].size)])
 
     def linearise(self, x: Float[np.ndarray, "time dof"]) -> Linearisation:

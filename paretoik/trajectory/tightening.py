@@ -1,9 +1,7 @@
 """Limits between samples: tightened at each instant by what a motion's curve exceeds them nearby, and solved again.
 
-A program bounds a motion at its instants. The projection onto the path, and torques, powers and distances between
-instants, may exceed a limit a little. The limit there is lowered by the excess and a small margin, so that the curve
-ends strictly within its limits. Accelerations, torques and powers are limited with the rates that the
-path allows as well (``projected_rates``): else those of the spline would give way, but not the projection.
+A program bounds a motion at its instants. Between them the curve may exceed a limit a little. The limit there is
+lowered by the excess and a small margin, so that the curve ends strictly within its limits.
 """
 
 from __future__ import annotations
@@ -32,9 +30,7 @@ from paretoik.task.limits import LIMIT_TOLERANCE, LIMITED
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import evaluate_function
-from paretoik.trajectory.functions import ON_PATH, PROJECTED
 from paretoik.trajectory.program import MotionProgram
-from paretoik.trajectory.transcription import motion_program
 from paretoik.user_warnings import warn_user
 
 
@@ -71,19 +67,15 @@ OPTIONS = TighteningOptions()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class HeldMotion:
-    """A motion ``x``, the ``bounds`` of its program that it is optimal for, and its ``violation`` between samples.
-
-    ``near`` is the motion beside which rates on the path are limited too, None where they are not.
-    """
+    """A motion ``x``, the ``bounds`` of its program that it is optimal for, and its ``violation`` between samples."""
 
     x: Float[np.ndarray, "time dof"]
     bounds: Float[np.ndarray, " limits"]
     violation: float
-    near: Float[np.ndarray, "time dof"] | None = None
 
     def program(self, natural: MotionProgram) -> MotionProgram:
         """Return the program that the motion is optimal for, from the task's own."""
-        return replace(_limited_on_path(natural, self.near), bounds=self.bounds)
+        return replace(natural, bounds=self.bounds)
 
 
 def hold_between(
@@ -107,19 +99,16 @@ def hold_between(
         if current.violation <= LIMIT_TOLERANCE or not np.isfinite(current.violation):
             break
         weights = weights if weights.any() else _weights(program, best.x, n_obj)
-        near = current.x if set(PROJECTED) & set(program.task.bounds) else None
-        untightened = _limited_on_path(program, near)
-        before, limits = untightened.bounds.copy(), len(current.bounds) - program.kinks  # limits on the path come last
-        before[:limits] = current.bounds[:limits]
-        bounds = _tightened_bounds(untightened, current.x, before, margin)
+        before = current.bounds
+        bounds = _tightened_bounds(program, current.x, before, margin)
         for share in OPTIONS.shares:
-            tighter = replace(untightened, bounds=before + share * (bounds - before))
+            tighter = replace(program, bounds=before + share * (bounds - before))
             solved = _solve_again(tighter, current.x, weights, solver)
             if solved is not None:
                 break
         else:
             break
-        current = _held(tighter, solved, near)
+        current = _held(tighter, solved)
         best = min(best, current, key=lambda held: held.violation)
     return best
 
@@ -172,13 +161,11 @@ def _hold_values(program: MotionProgram, item: tuple[np.ndarray, int, Solver]) -
     """Return a motion that is held as plain arrays, in a worker too."""
     x, n_obj, solver = item
     held = hold_between(program, x, n_obj, solver=solver)
-    near = {} if held.near is None else {"near": held.near}
-    return {"x": held.x, "bounds": held.bounds, "violation": np.asarray(held.violation), **near}
+    return {"x": held.x, "bounds": held.bounds, "violation": np.asarray(held.violation)}
 
 
 def _held_motion(values: Values) -> HeldMotion:
-    violation = float(values["violation"])
-    return HeldMotion(x=values["x"], bounds=values["bounds"], violation=violation, near=values.get("near"))
+    return HeldMotion(x=values["x"], bounds=values["bounds"], violation=float(values["violation"]))
 
 
 def feasible_motions(program: MotionProgram, x: Float[np.ndarray, "motions time dof"]) -> list[HeldMotion]:
@@ -187,13 +174,8 @@ def feasible_motions(program: MotionProgram, x: Float[np.ndarray, "motions time 
     return [each for each in (_held(program, one) for one in at_samples) if each.violation <= LIMIT_TOLERANCE]
 
 
-def _held(program: MotionProgram, x: np.ndarray, near: np.ndarray | None = None) -> HeldMotion:
-    return HeldMotion(x=x, bounds=program.bounds, violation=violation_between(program.task, x), near=near)
-
-
-def _limited_on_path(program: MotionProgram, near: np.ndarray | None) -> MotionProgram:
-    """Return the program of a task with limits on the path too, beside a motion if one is given."""
-    return program if near is None else motion_program(program.task, program.scales, near=near)
+def _held(program: MotionProgram, x: np.ndarray) -> HeldMotion:
+    return HeldMotion(x=x, bounds=program.bounds, violation=violation_between(program.task, x))
 
 
 def violation_between(task: MotionTask, x: Float[np.ndarray, "time dof"]) -> float:
@@ -241,8 +223,8 @@ def _tightened_bounds(
 ) -> Float[np.ndarray, " limits"]:
     """Return the bounds of a program, each moved inwards by the margin and what is exceeded within half a sample.
 
-    If the limit itself is not active, because the excess is that of the projection, it bounds the value there instead;
-    if it is exceeded itself, it moves by so much less. Limits that hold on the path as well stay there alone.
+    If the limit itself is not active, it bounds the value there instead; if it is exceeded itself, it moves by so much
+    less.
     """
     task, bounds, elastic = program.task, before.copy(), program.elastic
     curve = finer_motion(task.motion(x), OPTIONS.steps)
@@ -254,9 +236,7 @@ def _tightened_bounds(
     slack = program.values(x).inequalities * ranges + sides * (program.bounds - before)[:elastic]
     after = np.char.startswith(names, "velocity of ") & (row >= len(program.variables))  # of the interval that follows
     for name in dict.fromkeys(names.tolist()):
-        if name + ON_PATH in names:
-            continue
-        for side, excess in zip((1.0, -1.0), _excess(task, name.removesuffix(ON_PATH), curve), strict=True):
+        for side, excess in zip((1.0, -1.0), _excess(task, name, curve), strict=True):
             chosen = np.flatnonzero((names == name) & (sides == side))
             padded = np.pad(_peaks(excess), (half, 2 * half), constant_values=-np.inf)
             windows = sliding_window_view(padded, 2 * half + 1)[::half][instant[chosen] + after[chosen]]

@@ -9,20 +9,20 @@ from typing import Any
 
 import numpy as np
 
-from paretoik.arrays import JointPaths
-from paretoik.autodiff.differentiation import gradient, hessian
+from paretoik.autodiff.differentiation import dependencies, gradient, hessian, tangents
 from paretoik.autodiff.evaluator import compile_evaluator
 from paretoik.autodiff.kinks import Reformulation, reformulate_choices, reformulate_kinks, remaining_kinks
+from paretoik.autodiff.operations import Op
 from paretoik.autodiff.tape import Expression, as_entry
 from paretoik.errors import InvalidInput
 from paretoik.robot.scales import joint_scales
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import row_scales
 from paretoik.task.task import path_equations
+from paretoik.trajectory.curve_states import instant_targets
 from paretoik.trajectory.functions import Functions, trace_functions
 from paretoik.trajectory.program import ORDERS, Evaluators, MotionProgram, Sparsity
 from paretoik.trajectory.stencil import stencil
-from paretoik.trajectory.whole_functions import WholeFunction
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,13 +37,8 @@ class TranscriptionOptions:
 OPTIONS = TranscriptionOptions()
 
 
-def motion_program(
-    task: MotionTask, scales: Sequence[float] | np.ndarray | None = None, *, near: JointPaths | None = None
-) -> MotionProgram:
+def motion_program(task: MotionTask, scales: Sequence[float] | np.ndarray | None = None) -> MotionProgram:
     """Return the nonlinear program of a task, its objectives divided by ``scales``.
-
-    Of a spline, limits on acceleration, torque and power hold on the path too where a motion ``near`` by is given; see
-    ``projected_rates``.
 
     Raises InvalidInput, naming the objective or limit, where there is none.
     """
@@ -52,26 +47,28 @@ def motion_program(
             "end_velocity=0: differences 'spline' or 'backward' wanted where motions are refined, got 'central'"
         )
     divisors = np.ones(len(task.objectives)) if scales is None else np.asarray(scales, dtype=float)
-    functions = trace_functions(task, 1.0 / divisors, near)
+    functions = trace_functions(task, 1.0 / divisors)
     tape, parameters = functions.motion.trace.tape, functions.motion.trace.parameters
-    evaluators = _evaluators(functions, _path_equations(functions))
     instants, n = len(task.instants), task.arm.dof
-    orders = _orders(task, evaluators.gradient_sparsity.columns, functions.whole_functions)
+    orders, kinked = _orders(functions)
+    evaluators = _evaluators(functions, _path_equations(functions, orders))
     inputs = np.zeros((evaluators.inputs, instants))
     for i, values in parameters.items():
         inputs[tape.entries[i][1]] = values
     ties = len(functions.epigraph_rows) + evaluators.ties
     rows = zip(functions.bounds, functions.ranges, strict=True)
     bounds = [np.column_stack(row) for row in rows] + [np.tile([0.0, np.inf, 1.0], (instants, 1))] * ties
-    limited, sides, limits, ranges = _limits(task, orders, len(evaluators.auxiliary), bounds)
+    states = np.concatenate([np.arange(orders * n), *([4 * n + np.arange(orders * n)] if kinked else [])])
+    free = len(states) - orders * n + len(evaluators.auxiliary)
+    limited, sides, limits, ranges = _limits(task, orders, free, bounds)
     return MotionProgram(
         task=task,
         scales=divisors,
         stencil=stencil(task, orders),
         totals=tuple(functions.totals),
-        evaluators=_without_orders(evaluators, n, orders),
+        evaluators=_place_variables(evaluators, states, n),
         inputs=inputs,
-        variables=np.append(np.arange(orders * n), evaluators.auxiliary),
+        variables=np.append(states, evaluators.auxiliary),
         peaks=len(functions.epigraph_variables),
         sums=len(functions.sums),
         rows=tuple(functions.names),
@@ -114,12 +111,13 @@ def _differentiate(functions: Functions, path: list[int]) -> Evaluators:
     factors = [tape.input() for _ in range(len(path) + len(entries))]
     for factor, f in zip(factors, (*path, *entries), strict=True):
         lagrangian = lagrangian + factor * Expression(tape, f)
-    u, auxiliary = list(tape.inputs[: 4 * n]), [*smooth.epigraph_variables, *functions.epigraph_variables]
+    u, auxiliary = list(tape.inputs[: 8 * n]), [*smooth.epigraph_variables, *functions.epigraph_variables]
     gradients = [gradient(tape, f, [*u, *auxiliary]) for f in entries]
     zero = tape.constant(0.0)
     slopes = {(k, j): slope for k, row in enumerate(gradients) for j, slope in enumerate(row) if slope != zero}
-    second = hessian(tape, as_entry(tape, lagrangian), [*u, *smooth.epigraph_variables], functions.frozen)
-    jacobian = [slope for h in path for slope in gradient(tape, h, u[:n])]
+    second = hessian(tape, as_entry(tape, lagrangian), [*u, *smooth.epigraph_variables])
+    equations = path[: functions.motion.task.rows]
+    jacobian = [slope for h in equations for slope in gradient(tape, h, u[:n])]
     return Evaluators(
         inputs=len(tape.inputs),
         auxiliary=np.array([tape.entries[i][1] for i in auxiliary], dtype=np.int64),
@@ -135,7 +133,7 @@ def _differentiate(functions: Functions, path: list[int]) -> Evaluators:
         gradient_sparsity=_sparsity(list(slopes)),
         hessian=compile_evaluator(tape, list(second.values())),
         hessian_sparsity=_sparsity(list(second)),
-        path=compile_evaluator(tape, [*path, *jacobian]),
+        path=compile_evaluator(tape, [*equations, *jacobian]),
     )
 
 
@@ -146,7 +144,8 @@ def _reformulate(functions: Functions) -> Reformulation:
     dof = functions.motion.arm.dof
     for order, deviation in enumerate(OPTIONS.probe_range):
         size = deviation / functions.motion.duration**order
-        probes[order * dof : (order + 1) * dof] = size * rng.normal(size=(dof, OPTIONS.probes))
+        for first in (order * dof, (4 + order) * dof):
+            probes[first : first + dof] = size * rng.normal(size=(dof, OPTIONS.probes))
     for i, values in functions.motion.trace.parameters.items():
         probes[tape.entries[i][1]] = rng.choice(values, OPTIONS.probes)
     sides = [1] * len(functions.sums)
@@ -163,37 +162,50 @@ def _reformulate(functions: Functions) -> Reformulation:
     return reformulate_kinks(tape, reformulation, sides, probes, smooth_choices)
 
 
-def _path_equations(functions: Functions) -> list[int]:
+def _path_equations(functions: Functions, orders: int) -> list[int]:
+    """Return the path equations of an instant, of a spline their derivatives too, as many as functions depend on."""
     motion, task = functions.motion, functions.motion.task
-    targets = np.repeat(task.targets, task.stride, axis=0)[: len(task.instants)]  # those between samples do not count
-    if task.cyclic:
-        targets[-1] = targets[0]
-    parameters: list[Any] = [motion.trace.parameter(column) for column in targets.T]
-    equations = path_equations(task.arm, task.tasks, list(motion.q.entries), parameters)
+    tape = motion.trace.tape
+    parameters: list[list[Any]] = [[motion.trace.parameter(x) for x in part.T] for part in instant_targets(task)]
     shares = 1.0 / row_scales(task.arm, task.tasks)
-    return [as_entry(motion.trace.tape, h * share) for h, share in zip(equations, shares, strict=True)]
+    errors = path_equations(task.arm, task.tasks, list(motion.q.entries), parameters[0])
+    equations = [as_entry(tape, error * share) for error, share in zip(errors, shares, strict=True)]
+    if task.differences != "spline":
+        return equations
+    n = task.arm.dof
+    q, dq, ddq = (list(tape.inputs[k * n : (k + 1) * n]) for k in range(3))
+    x, dx, ddx = ([value.index for value in part] for part in parameters)
+    moving = dict(zip([*q, *x], [*dq, *dx], strict=True))
+    first = tangents(tape, equations, moving)
+    second = tangents(tape, first, moving | dict(zip([*dq, *dx], [*ddq, *ddx], strict=True)))
+    return [entry for part in (equations, first, second)[:orders] for entry in part]
 
 
-def _orders(task: MotionTask, columns: np.ndarray, whole_functions: Sequence[WholeFunction]) -> int:
-    """Return how many of position, velocity, acceleration and jerk functions and limits depend on."""
-    n, instants = task.arm.dof, len(task.instants)
-    local = [int(j) // n for j in columns[columns < 4 * n]] + [
-        ORDERS.index(kind) for kind in task.bounds if kind in ORDERS
-    ]
-    return 1 + max([1, *local, *(int(i) // (n * instants) for each in whole_functions for i in each.columns)])
+def _orders(functions: Functions) -> tuple[int, bool]:
+    """Return on how many of position, velocity, acceleration and jerk functions and limits depend, 2 at least.
+
+    And whether some depend on those of the spline.
+    """
+    task, tape = functions.motion.task, functions.motion.trace.tape
+    n, entries = task.arm.dof, [*functions.sums, *functions.rows, *functions.epigraph_rows]
+    inputs = [tape.entries[i][1] for i in dependencies(tape, entries) if tape.entries[i][0] is Op.INPUT]
+    local = [i % (4 * n) // n for i in inputs if i < 8 * n]
+    local += [ORDERS.index(kind) for kind in task.bounds if kind in ORDERS]
+    wholes = [int(i) // (n * len(task.instants)) for each in functions.whole_functions for i in each.columns]
+    return 1 + max([1, *local, *wholes]), any(4 * n <= i < 8 * n for i in inputs)
 
 
 def _limits(
-    task: MotionTask, orders: int, auxiliary: int, rows: list[np.ndarray]
+    task: MotionTask, orders: int, unlimited: int, rows: list[np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return ``limited``, ``sides``, ``bounds`` and ``ranges`` of a program, those of rows last.
 
-    ``rows`` (instants, 3) are their lower and upper bounds and ranges.
+    ``rows`` (instants, 3) are their lower and upper bounds and ranges; so many variables before them have none.
     """
     instants, n = len(task.instants), task.arm.dof
     free = np.tile([-np.inf, np.inf], (instants, n, 1))
     simple = [_simple_bounds(task, kind, free) for kind in ORDERS[:orders]]
-    none = np.tile([-np.inf, np.inf, 1.0], (instants, auxiliary, 1))
+    none = np.tile([-np.inf, np.inf, 1.0], (instants, unlimited, 1))
     table = np.concatenate([*simple, none, *(row[:, None] for row in rows)], axis=1)
     both = table[..., :2]
     which, instant, side = np.nonzero(np.isfinite(both.transpose(1, 0, 2)))  # kinks last
@@ -210,22 +222,20 @@ def _simple_bounds(task: MotionTask, kind: str, free: np.ndarray) -> np.ndarray:
         return np.concatenate([free, np.ones((*free.shape[:-1], 1))], axis=-1)
     bounds = np.array(np.broadcast_to(task.bounds_at(kind, task.instants), free.shape))
     table = np.concatenate([bounds, task.limit_ranges(kind, bounds)[..., None]], axis=-1)
-    if kind in ("velocity", "acceleration") and task.stride > 1:
+    if kind == "velocity" and task.stride > 1:  # between samples a coefficient of the velocity is limited instead
         table[1 :: task.stride, :, :2] = free[1 :: task.stride]
     return table / joint_scales(task.arm)[:, None]
 
 
-def _without_orders(evaluators: Evaluators, dof: int, orders: int) -> Evaluators:
-    """Return evaluators whose derivatives are placed by the variables of the first orders, v and σ."""
-
-    def place(variables: np.ndarray) -> np.ndarray:
-        return np.where(variables >= 4 * dof, variables - (4 - orders) * dof, variables)
-
+def _place_variables(evaluators: Evaluators, states: np.ndarray, dof: int) -> Evaluators:
+    """Return evaluators whose derivatives are placed by the variables: inputs ``states``, then v and σ."""
+    place = np.zeros(8 * dof + len(evaluators.auxiliary), dtype=np.int64)
+    place[np.append(states, np.arange(8 * dof, len(place)))] = np.arange(len(states) + len(evaluators.auxiliary))
     first, second = evaluators.gradient_sparsity, evaluators.hessian_sparsity
     return replace(
         evaluators,
-        gradient_sparsity=Sparsity(rows=first.rows, columns=place(first.columns)),
-        hessian_sparsity=Sparsity(rows=place(second.rows), columns=place(second.columns)),
+        gradient_sparsity=Sparsity(rows=first.rows, columns=place[first.columns]),
+        hessian_sparsity=Sparsity(rows=place[second.rows], columns=place[second.columns]),
     )
 
 

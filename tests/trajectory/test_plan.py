@@ -259,7 +259,6 @@ def test_a_travel_that_many_motions_share_has_an_end():
     q = sample_starts(problem.task, 6, np.random.default_rng(0))
     program = motion_program(problem.task, objective_scales(problem.task, q))
     ends = minimise(program, q, np.ones((1, 1)), options=InteriorPointOptions(barrier=1e-2, radius=0.1))
-    assert ends.converged.sum() >= 5  # of random starts here about 1 in 40 is still on its way when its time is up
-    ends = ends[ends.converged]
+    assert ends.converged.all()
     assert np.ptp(ends.objectives) < 1e-5 * ends.objectives.min()
     assert joint_distance(problem.task, ends.x[0], ends.x[1:]).min() > 0.1

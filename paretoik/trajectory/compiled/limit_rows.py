@@ -48,7 +48,9 @@ def write_rows(kernel, work, columns, entries):
     r, width = work.tangent.shape[2], entries.shape[1]
     local = np.zeros((instants, variables, width))
     for s in range(instants):
-        self_motion_steps.local_basis(s, kernel.neighbours, kernel.coefficients, work.tangent, local[s])
+        self_motion_steps.local_basis(
+            s, kernel.neighbours, kernel.coefficients, work.tangent, work.curve.chain, local[s]
+        )
     for i in range(len(limited)):
         row, s, factor = limited[i, 0], limited[i, 1], kernel.factors[i]
         for b in range(width):

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from paretoik.compilation import compiled
+from paretoik.trajectory.compiled.curve_states import Curve, CurveWork, allocate_curve
 
 
 class MotionKernel(NamedTuple):
@@ -25,6 +26,8 @@ class MotionKernel(NamedTuple):
     second_i: np.ndarray
     second_j: np.ndarray
     track: tuple[np.ndarray, ...]
+    curve: Curve
+    kinked: bool  # whether the spline's u are variables too, behind those of the curve
     neighbours: np.ndarray
     coefficients: np.ndarray
     first_unknown: np.ndarray
@@ -58,6 +61,7 @@ class Workspace(NamedTuple):
     """What the steps write: U variables of an instant, V slacks, K sums, G limited rows, r unknowns a sample."""
 
     inputs: np.ndarray
+    curve: CurveWork
     path_inputs: np.ndarray  # (inputs, time)
     tracked: np.ndarray  # path equations and their Jacobian
     tangent: np.ndarray  # (time, dof, r)
@@ -70,6 +74,7 @@ class Workspace(NamedTuple):
     objective_gradients: np.ndarray  # (K, time, dof) of sums by q
     by_row: np.ndarray  # (U + G, instants): a number a variable and a limited row
     gradient_u: np.ndarray  # (U, instants)
+    gradient_spline: np.ndarray  # (states, instants): what it is by the spline's state
     gradient_q: np.ndarray  # (time, dof)
     du: np.ndarray  # (U, instants)
     projected: np.ndarray  # (unknowns,)
@@ -94,14 +99,16 @@ def allocate(kernel, n):
     """Return the workspace for motions of n joints."""
     samples, instants = sample_count(kernel), len(kernel.ones)
     slacks, unknowns = len(kernel.kinks), kernel.unknowns
-    variables = kernel.coefficients.shape[0] * n
-    rows = kernel.multipliers[1] - kernel.multipliers[0]
+    states = kernel.coefficients.shape[0] * n
+    variables = 2 * states if kernel.kinked else states
+    rows = len(kernel.curve.row_scales)
     sums = kernel.multipliers[2] - kernel.multipliers[1]
     limited = len(kernel.row_peaks)
     functions = sums + limited + 2 * slacks
     by_slack = np.zeros((6, slacks, instants))
     return Workspace(
         kernel.inputs.copy(),
+        allocate_curve(kernel.curve, states),
         kernel.inputs[:, :: kernel.stride].copy(),
         np.empty((rows + rows * n, samples)),
         np.zeros((samples, n, n - rows)),
@@ -114,6 +121,7 @@ def allocate(kernel, n):
         np.zeros((sums, samples, n)),
         np.zeros((variables + limited, instants)),
         np.zeros((variables, instants)),
+        np.zeros((states, instants)),
         np.zeros((samples, n)),
         np.zeros((variables, instants)),
         np.zeros(unknowns),

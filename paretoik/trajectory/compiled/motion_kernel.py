@@ -14,14 +14,14 @@ from paretoik.compilation import compiled
 from paretoik.nlp.compiled import kernel_steps as steps
 from paretoik.nlp.compiled.array_loops import add_scaled, clear, inner_product, norm
 from paretoik.nlp.compiled.kernel_steps import implement
-from paretoik.trajectory.compiled import kink_smoothing, limit_rows, peak_border, self_motion_steps
+from paretoik.trajectory.compiled import curve_states, kink_smoothing, limit_rows, peak_border, self_motion_steps
 from paretoik.trajectory.compiled.motion_arrays import MotionKernel, allocate, sample_count
 
 
 @implement(steps.dimensions, MotionKernel)
 def dimensions(kernel, x):
     """Return (size, band, border) of the Newton matrix and the number of limits."""
-    rows = kernel.multipliers[1] - kernel.multipliers[0]
+    rows = len(kernel.curve.row_scales)
     band = kernel.coefficients.shape[2] * (x.shape[1] - rows)
     return kernel.unknowns - kernel.border, band, kernel.border + len(kernel.peak_inputs), len(kernel.factors)
 
@@ -46,12 +46,31 @@ def add_auxiliary(kernel, work, x):
     for s in range(samples):
         for j in range(n):
             point[s, j] = x[s, j] / kernel.scales[j]
-    self_motion_steps.apply_stencil(point, kernel.neighbours, kernel.coefficients, work.inputs)
+    _write_states(kernel, work, point)
     peak_border.copy_peaks(kernel, work, point)
     kink_smoothing.evaluate_functions(kernel, work)
     kink_smoothing.measure_kinks(kernel, work)
     peak_border.lift_peaks(kernel, work, point)
     return point
+
+
+@compiled
+def _write_states(kernel, work, x):
+    """Write the variables u of all instants at a point."""
+    u, n = work.inputs[: len(work.gradient_spline)], len(kernel.scales)
+    self_motion_steps.apply_stencil(x, kernel.neighbours, kernel.coefficients, u)
+    if kernel.kinked:
+        work.inputs[4 * n : 4 * n + len(u)] = u
+    curve_states.project_instants(kernel.curve, work.curve, u)
+
+
+@compiled
+def _add_by_positions(kernel, work, gradient, scale, gradient_q):
+    """Add the gradient by q (time, dof) that belongs to one by u (variables, instants), times ``scale`` (instants,)."""
+    curve_states.chain_gradient(work.curve, gradient[: len(work.gradient_u)], work.gradient_spline)
+    self_motion_steps.add_transposed_stencil(
+        work.gradient_spline, scale, kernel.neighbours, kernel.coefficients, gradient_q
+    )
 
 
 @implement(steps.remove_auxiliary, MotionKernel)
@@ -80,7 +99,7 @@ def evaluate(kernel, work, x, F, c):
     sums, variables = len(work.objective_gradients), len(work.gradient_u)
     inputs, values, quadrature = work.inputs, work.values, kernel.quadrature
     limited, factors, bounds = kernel.limited, kernel.factors, kernel.bounds
-    self_motion_steps.apply_stencil(x, kernel.neighbours, kernel.coefficients, work.inputs)
+    _write_states(kernel, work, x)
     peak_border.copy_peaks(kernel, work, x)
     kink_smoothing.evaluate_functions(kernel, work)
     for total in range(len(F)):
@@ -99,7 +118,7 @@ def linearise(kernel, work, x):
     """Prepare the tangent of the path and the gradients at x; return False at a singularity."""
     slopes, gradients, instants = work.slopes, work.gradients, len(kernel.ones)
     slope_of, slope_by = kernel.slope_of, kernel.slope_by
-    self_motion_steps.apply_stencil(x, kernel.neighbours, kernel.coefficients, work.inputs)
+    _write_states(kernel, work, x)
     if len(kernel.kinks):
         peak_border.copy_peaks(kernel, work, x)
         kink_smoothing.evaluate_functions(kernel, work)
@@ -108,6 +127,7 @@ def linearise(kernel, work, x):
         for j in range(x.shape[1]):
             work.path_inputs[j, s] = x[s, j]
     run(kernel.track, work.path_inputs, work.tracked)
+    curve_states.linearise_instants(kernel.curve, work.curve)
     if not self_motion_steps.tangent_frames(work.tracked, work.tangent, work.normal, work.triangle):
         return False
     if kernel.stops:
@@ -124,9 +144,7 @@ def linearise(kernel, work, x):
     for k in range(len(work.objective_gradients)):
         gradient = work.objective_gradients[k]
         clear(gradient)
-        self_motion_steps.add_transposed_stencil(
-            work.gradients[k], kernel.quadrature, kernel.neighbours, kernel.coefficients, gradient
-        )
+        _add_by_positions(kernel, work, work.gradients[k], kernel.quadrature, gradient)
     return True
 
 
@@ -134,11 +152,10 @@ def linearise(kernel, work, x):
 def reduced_gradient(kernel, work, weights, multipliers, out):
     """Write the gradient of weights · F − multipliers · c by the unknowns; leave that by q in the workspace."""
     clear(work.gradient_q)
+    clear(work.gradient_u)
     if len(multipliers):
         limit_rows.limit_gradient(kernel, work, multipliers)
-        self_motion_steps.add_transposed_stencil(
-            work.gradient_u, kernel.ones, kernel.neighbours, kernel.coefficients, work.gradient_q
-        )
+        _add_by_positions(kernel, work, work.gradient_u, kernel.ones, work.gradient_q)
     for total in range(len(weights)):
         if weights[total] != 0.0 and kernel.totals[total] >= 0:
             add_scaled(work.gradient_q, weights[total], work.objective_gradients[kernel.totals[total]])
@@ -160,9 +177,18 @@ def prepare_multipliers(kernel, work, weights):
                 inputs[first[1] + kernel.totals[total], s] = weights[total] * quadrature[s]
     if len(kernel.kinks):
         kink_smoothing.tie_multipliers(kernel, work, weights)
-    self_motion_steps.path_multipliers(
-        work.gradient_q, work.normal, work.triangle, kernel.stride, inputs[first[0] : first[1]]
-    )
+    path = inputs[first[0] : first[1]]
+    clear(path)
+    self_motion_steps.path_multipliers(work.gradient_q, work.normal, work.triangle, kernel.stride, path)
+    if kernel.curve.projects:
+        by_curve = work.gradient_spline
+        by_curve[:] = work.gradient_u[: len(by_curve)]
+        for total in range(len(weights)):
+            k = kernel.totals[total]
+            for a in range(len(by_curve) if k >= 0 and weights[total] != 0.0 else 0):
+                for s in range(samples):
+                    by_curve[a, s] += weights[total] * quadrature[s] * work.gradients[k, a, s]
+        curve_states.add_curve_multipliers(kernel.curve, work.curve, by_curve, path)
 
 
 @implement(steps.residual_norm, MotionKernel)
@@ -182,7 +208,18 @@ def assemble(kernel, work, stiffness, A, B, C):
     for s in range(samples):
         _sample_hessian(kernel, work, s, row, phi)
         self_motion_steps.add_hessian(
-            s, phi, kernel.neighbours, kernel.coefficients, work.tangent, kernel.first_unknown, local, half, A, B, C
+            s,
+            phi,
+            kernel.neighbours,
+            kernel.coefficients,
+            work.tangent,
+            work.curve.chain,
+            kernel.first_unknown,
+            local,
+            half,
+            A,
+            B,
+            C,
         )
     peak_border.assemble_peaks(kernel, work, A, B, C)
     largest = 0.0
@@ -231,6 +268,7 @@ def directional_derivatives(kernel, work, dx, dF, dc):
     (variables, instants), n, samples = du.shape, dx.shape[1], sample_count(kernel)
     sums = len(work.objective_gradients)
     self_motion_steps.apply_stencil(dx, kernel.neighbours, kernel.coefficients, du)
+    curve_states.chain_directions(work.curve, du)
     for total in range(len(dF)):
         k, peak = kernel.totals[total], -1 - kernel.totals[total]
         dF[total] = inner_product(work.objective_gradients[k], dx) if k >= 0 else dx[samples + peak // n, peak % n]

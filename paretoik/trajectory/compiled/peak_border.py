@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from paretoik.compilation import compiled
-from paretoik.trajectory.compiled import self_motion_steps
+from paretoik.trajectory.compiled import curve_states, self_motion_steps
 from paretoik.trajectory.compiled.motion_arrays import sample_count
 
 
@@ -77,8 +77,9 @@ def assemble_peaks(kernel, work, A, B, C):
         for s in range(work.gradient_q.shape[0]):
             for j in range(work.gradient_q.shape[1]):
                 work.gradient_q[s, j] = 0.0
+        curve_states.chain_gradient(work.curve, work.gradient_u, work.gradient_spline)
         self_motion_steps.add_transposed_stencil(
-            work.gradient_u, kernel.ones, kernel.neighbours, kernel.coefficients, work.gradient_q
+            work.gradient_spline, kernel.ones, kernel.neighbours, kernel.coefficients, work.gradient_q
         )
         self_motion_steps.project_gradient(work.gradient_q, work.tangent, kernel.first_unknown, work.projected)
         for i in range(size):

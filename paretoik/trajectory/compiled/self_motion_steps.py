@@ -83,8 +83,12 @@ def expand_motion_step(step, tangent, first_unknown, dq):
 
 
 @compiled
-def local_basis(i, neighbours, coefficients, tangent, local):
-    """Write how u of instant i changes with the unknowns of its neighbours, (variables, width · unknowns)."""
+def local_basis(i, neighbours, coefficients, tangent, chain, local):
+    """Write how u of instant i changes with the unknowns of its neighbours, (variables, width · unknowns).
+
+    ``chain`` (instants, states, states) says how u changes with that of the spline, which may stand behind it; it is
+    empty if they are the same.
+    """
     orders, _, width = coefficients.shape
     n, r = tangent.shape[1], tangent.shape[2]
     for o in range(orders):
@@ -92,13 +96,23 @@ def local_basis(i, neighbours, coefficients, tangent, local):
             for j in range(n):
                 for a in range(r):
                     local[o * n + j, k * r + a] = coefficients[o, i, k] * tangent[neighbours[i, k], j, a]
+    states = orders * n
+    if len(chain):
+        spline = local[:states].copy()
+        for a in range(states):
+            local[a] = 0.0
+            for m in range(states):
+                for b in range(local.shape[1]):
+                    local[a, b] += chain[i, a, m] * spline[m, b]
+        if len(local) > states:
+            local[states:] = spline
 
 
 @compiled
-def add_hessian(i, phi, neighbours, coefficients, tangent, first_unknown, local, half, A, B, C):
+def add_hessian(i, phi, neighbours, coefficients, tangent, chain, first_unknown, local, half, A, B, C):
     """Add the Hessian ``phi`` by u of instant i to that of the unknowns, banded with a border."""
     width, r, size = coefficients.shape[2], tangent.shape[2], A.shape[0]
-    local_basis(i, neighbours, coefficients, tangent, local)
+    local_basis(i, neighbours, coefficients, tangent, chain, local)
     for a in range(local.shape[0]):
         for b in range(local.shape[1]):
             half[a, b] = 0.0

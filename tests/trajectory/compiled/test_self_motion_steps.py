@@ -64,11 +64,12 @@ def test_the_hessian_of_an_instant_is_that_of_the_dense_chain_rule(seed, border)
     tangent, unknowns = rng.normal(size=(SAMPLES, DOF, FREE)), FREE * (SAMPLES - 1)
     phi = rng.normal(size=(ORDERS * DOF, ORDERS * DOF))
     phi += phi.T
+    chain = rng.normal(size=(SAMPLES, ORDERS * DOF, ORDERS * DOF))
     columns, dq = [], np.empty((SAMPLES, DOF))
     for unit in np.eye(unknowns):
         steps.expand_motion_step(unit, tangent, first_unknown, dq)
         columns.append(variables(dq, neighbours, coefficients))
-    maps = np.array(columns)
+    maps = np.einsum("iuv,avi->aui", chain, np.array(columns))
     size = unknowns - border * FREE
     A, B, C = (
         np.zeros((size, 3 * FREE)),
@@ -77,7 +78,7 @@ def test_the_hessian_of_an_instant_is_that_of_the_dense_chain_rule(seed, border)
     )
     local, half = np.zeros((2, ORDERS * DOF, WIDTH * FREE))
     for i in range(SAMPLES):
-        steps.add_hessian(i, phi, neighbours, coefficients, tangent, first_unknown, local, half, A, B, C)
+        steps.add_hessian(i, phi, neighbours, coefficients, tangent, chain, first_unknown, local, half, A, B, C)
     band = np.array([[A[i, i - k] if 0 <= i - k < A.shape[1] else 0.0 for k in range(size)] for i in range(size)])
     lower = np.tril(np.einsum("aui,uv,bvi->ab", maps, phi, maps))
     np.testing.assert_allclose(band, lower[:size, :size], atol=1e-11)

@@ -9,7 +9,6 @@ import paretoik as pk
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.minimise import minimise
 from paretoik.task.retraction import retract_nearest
-from paretoik.trajectory.functions import ON_PATH
 from paretoik.trajectory.plan_starts import sample_starts
 from paretoik.trajectory.tightening import hold_between, violation_between
 from paretoik.trajectory.transcription import motion_program
@@ -65,23 +64,28 @@ def test_first_derivatives_are_exact(name):
     np.testing.assert_allclose(at.gradients @ direction, (ahead - back) / (2 * step), rtol=1e-6)
 
 
-@pytest.mark.parametrize("name", ["planar", "axis"])
-def test_torques_on_the_path_are_those_of_the_curve(name):
+@every_case
+def test_second_derivatives_are_those_along_the_path(name):
+    task = task_of(name, pk.kinetic_energy, pk.torque_norm)
+    program, step = motion_program(task), 1e-4
+    at = program.linearise(rough(task, 1e-5))
+    for k, weights in enumerate(np.eye(2)):
+        hessian, direction = (
+            at.hessian(weights, np.zeros(len(at.inequalities))),
+            np.random.default_rng(1).normal(size=at.columns),
+        )
+        ahead, here, back = (program.evaluate(at.retract(sign * step * direction))[0][k] for sign in (1, 0, -1))
+        bend = (ahead - 2 * here + back) / step**2
+        assert direction @ (hessian @ direction) == pytest.approx(bend, rel=5e-3)
+
+
+@every_case
+def test_torques_that_are_limited_are_those_of_the_curve(name):
     task = task_of(name, torque=1.0)
-    q = rough(task, 1e-2)
-    program = motion_program(task, near=q)
-    inputs = program.values(q).inputs
-    values = program.evaluators.value(inputs)[program.sums :]
-    rows = [program.rows.index(f"torque of {joint}{ON_PATH}") for joint in task.arm.joint_names]
-    np.testing.assert_allclose(values[rows].T, task.motion(q).instants.torque, rtol=1e-6, atol=1e-6)
-
-
-def test_limits_on_the_path_come_last_and_change_none_of_the_others():
-    task = task_of("planar", torque=1.0)
-    plain, program = motion_program(task), motion_program(task, near=rough(task, 1e-2))
-    assert program.inequality_names[: plain.elastic] == plain.inequality_names
-    assert all(limit.endswith(ON_PATH) for limit in program.inequality_names[plain.elastic :])
-    np.testing.assert_array_equal(program.bounds[: plain.elastic], plain.bounds[: plain.elastic])
+    q, program = rough(task, 1e-2), motion_program(task)
+    values = program.evaluators.value(program.values(q).inputs)[program.sums :]
+    rows = [program.rows.index(f"torque of {joint}") for joint in task.arm.joint_names]
+    np.testing.assert_allclose(values[rows].T, task.motion(q).instants.torque, rtol=1e-8, atol=1e-8)
 
 
 def test_a_held_motion_is_feasible_in_its_own_program_and_between_samples():
