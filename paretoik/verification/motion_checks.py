@@ -115,5 +115,27 @@ def check_objectives(
         yield judge(subject, abs(value - expected) / size, TOLERANCES.values, detail, point=point)
 
 
+def check_errors(
+    run: RunContents, objectives: Any, motion: MeasuredMotion, finer: MeasuredMotion, row: int, *, promised: bool
+) -> Iterator[Check]:
+    """Check how far the values of one motion are off those of its curve, against the table and the promise."""
+    for objective, entry in zip(objectives, run.objectives, strict=True):
+        subject, column = f"error of {objective.name}", f"discretisation error of {objective.name}"
+        try:
+            value, true = (objective_value(objective, each) for each in (motion, finer))
+        except Exception:  # a user's function may raise anything: said of its value
+            continue
+        low, high = entry.get("range", (0.0, 0.0))
+        size, point = max(abs(value), abs(float(high) - float(low)), 1e-12), int(run.ids[row])
+        share = abs(true - value) / size
+        if promised:
+            detail = f"{100 * share:.2g} % of its size on the curve"
+            yield judge(subject, share, TOLERANCES.resolved, detail, point=point)
+        if column in run.table and np.isfinite(run.table[column][row]):
+            stated = float(run.table[column][row]) / size
+            detail = f"the table says {100 * stated:.2g} % of its size, it is {100 * share:.2g} %"
+            yield judge(f"{subject} in the table", abs(stated - share), TOLERANCES.error, detail, point=point)
+
+
 def _line(fault: Exception) -> str:
     return (str(fault).splitlines() or [type(fault).__name__])[0]

@@ -19,6 +19,8 @@ class VerificationTolerances:
     between: float = 1e-6  # share of a limit's range, between samples: second derivatives of postures on the path
     stated: float = 1e-6  # share of a limit's range: by how much a stated bound between samples may be too low
     values: float = 1e-9  # share of an objective's size: two ways to sum the same numbers
+    resolved: float = 1.1e-3  # share of an objective's size: error of a minimum, 1e-3 as the library measures it
+    error: float = 1e-4  # share of an objective's size, a tenth of what counts: jerks are differences in the library
     energies: float = 1e-8  # share of a closed loop's objective, or of a motor's work: sums of many steps
     traces: float = 1e-15  # rad or m: an error copied from one file to another
     directions: float = 1e-12  # length of a unit vector

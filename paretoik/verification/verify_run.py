@@ -16,7 +16,14 @@ from paretoik.verification.capability_checks import check_point_to_point, check_
 from paretoik.verification.certificate_checks import check_certificate, status_of
 from paretoik.verification.loop_checks import check_loop
 from paretoik.verification.measured_motion import measure
-from paretoik.verification.motion_checks import check_joints, check_limits, check_objectives, check_path, check_samples
+from paretoik.verification.motion_checks import (
+    check_errors,
+    check_joints,
+    check_limits,
+    check_objectives,
+    check_path,
+    check_samples,
+)
 from paretoik.verification.report import Check, Verification, demand, leave_out, note
 from paretoik.verification.resolution_checks import check_resolution
 from paretoik.verification.run_contents import RunContents
@@ -140,6 +147,7 @@ def _check_tracking(run: RunContents, problem: Any, model: ArmModel) -> Iterator
         if all(name in named for name, _, _ in listed):
             objectives = [named[name] for name, _, _ in listed]
             yield from check_objectives(run, objectives, motion, run.values[row], number)
+            yield from check_errors(run, objectives, motion, finer, row, promised=promised)
             yield from check_certificate(run, task, model, objectives, row, time, q)
 
 

@@ -91,6 +91,25 @@ def edit_a_value(run, problem, amount):
     return problem
 
 
+def vary_between_instants(run, problem, amount):
+    """Return the problem with an objective whose value at the instants is too large by a share of it."""
+    instants = problem.task.instants[1]
+
+    @pk.objective(unit="J", form="integral", name="kinetic_energy")
+    def varying(motion):
+        return 1.0 + amount / (1.0 - amount) * np.cos(2 * np.pi * motion.time / instants)
+
+    task = dataclasses.replace(problem.task, objectives=(varying, *problem.task.objectives[1:]))
+    return SimpleNamespace(task=task, encoding=problem.encoding)
+
+
+def edit_a_discretisation_error(run, problem, amount):
+    low, high = run.entries["objectives"][0]["range"]
+    size = max(run.table["kinetic_energy"][0], high - low)
+    run.table["discretisation error of kinetic_energy"] += amount * size
+    return problem
+
+
 def edit_a_value_of_a_loop(run, problem, amount):
     run.table["joint_displacement"] *= 1 + amount
     return problem
@@ -171,6 +190,8 @@ CASES = {
     "between": (1e-6, "certified", exceed_a_limit_between, "limits between samples"),
     "stated": (1e-6, "certified", admit_less_between, "violation_between in the table"),
     "values": (1e-9, "certified", edit_a_value, "objective kinetic_energy"),
+    "resolved": (1.1e-3, "certified", vary_between_instants, "error of kinetic_energy"),
+    "error": (1e-4, "certified", edit_a_discretisation_error, "error of kinetic_energy in the table"),
     "energies": (1e-8, "closed loop", edit_a_value_of_a_loop, "objective joint_displacement"),
     "traces": (1e-15, "resolved", edit_an_error, "largest error"),
     "directions": (1e-12, "polygon", stretch_directions, "directions"),

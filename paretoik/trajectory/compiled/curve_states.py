@@ -241,7 +241,7 @@ def chain_directions(work, du):
 
 @compiled
 def chain_gradient(work, gradient, out):
-    """Write a gradient (variables, instants) by the curve's state as one by the spline's, whose own stands behind it."""
+    """Write a gradient by the spline's state, from one by the curve's and, behind it, by the spline's own."""
     chain = work.chain
     if not len(chain):
         out[:] = gradient
