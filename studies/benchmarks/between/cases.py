@@ -93,7 +93,7 @@ def _random_case(
     number: str, kind: str, spatial: bool, rng: np.random.Generator, samples: tuple[int, ...]
 ) -> Case | None:
     """Return a problem with active limits of a kind; None where arm and path do not suit each other."""
-    arm, path, cyclic = (_spatial if spatial else _planar)(rng, int(rng.choice(samples)))
+    arm, path, cyclic = random_path(rng, spatial=spatial, samples=int(rng.choice(samples)))
     objective = pk.kinetic_energy if rng.random() < 0.5 else pk.torque_norm
     try:
         free = pk.Tracking(arm, path, objectives=[objective], cyclic=cyclic).task
@@ -131,6 +131,11 @@ def minimise_from(task: MotionTask, q: Float[np.ndarray, "starts time dof"]) -> 
             best = np.argmin(np.where(solutions.converged, solutions.objectives[:, 0], np.inf))
             return np.asarray(solutions.x[best])
     return None
+
+
+def random_path(rng: np.random.Generator, *, spatial: bool, samples: int) -> tuple[pk.Arm, pk.Path, bool]:
+    """Return a planar arm or the Panda, a path for it, and whether this is a cycle."""
+    return (_spatial if spatial else _planar)(rng, samples)
 
 
 def _planar(rng: np.random.Generator, samples: int) -> tuple[pk.Arm, pk.Path, bool]:

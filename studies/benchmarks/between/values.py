@@ -1,0 +1,143 @@
+"""Values of motions: what is stated, beside what the motion's curve has.
+
+    python -m studies.benchmarks.between.values [--quick] [--cases N] [--seed N] [--json FILE]
+
+Random planar arms and the Panda on lines and circles, without limits on acceleration, start and end free. Each case has
+three objectives: an integral, a peak, and one of another kind in turn (a peak of torques, a travel, a mechanical
+energy). Small fronts are searched and refined. "true" is a value on a grid 200 times finer than the samples, whose
+velocities and accelerations are differences of the positions ``at(t)`` alone. "stated" is how far values of the refined
+points are off it, the largest share of the value; "before" the same of the values of the spline that is not yet
+projected, as paretoik 0.0 had them. "velocity" is how far ``motion.dq`` is off ``motion.state`` at samples, a share of
+its range. "gain" is by how much refinement lowers true values of the search's own points: the least of the objectives'
+gains, in the ranges of the front; a point that is worse on the curve has one below 0. Losses are printed first.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+import paretoik as pk
+from paretoik.errors import ParetoikError
+from paretoik.task.motion import Motion
+from paretoik.task.spline import evaluate_with_midpoints
+from studies.benchmarks.between.cases import random_path
+from studies.benchmarks.between.judging import STEP, motion_at
+from studies.reporting import Row, report, study_parser, tell
+
+FINER = 200
+GOAL, AGREEMENT = 0.1, 1e-6  # % of a value; share of a range
+CASES, QUICK_CASES, SAMPLES = 20, 3, (15, 25, 41)
+OTHERS = (pk.peak_torque, pk.joint_travel, pk.mechanical_energy)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """What a case printed: errors in % of values, the disagreement of velocities, the least gain, and the statuses."""
+
+    name: str
+    stated: float
+    before: float
+    velocity: float
+    gain: float
+    statuses: str
+
+
+def run_case(number: int, rng: np.random.Generator, generations: int) -> Outcome:
+    """Return the outcome of a random problem; raises ParetoikError if arm and path do not suit each other."""
+    arm, path, cyclic = random_path(rng, spatial=number % 3 == 2, samples=int(rng.choice(SAMPLES)))
+    objectives = [pk.kinetic_energy, pk.peak_velocity, OTHERS[number % len(OTHERS)]]
+    problem = pk.Tracking(arm, path, objectives=objectives, limits=pk.Limits(velocity=np.inf), cyclic=cyclic)
+    searched = pk.solve(problem, generations=generations, population=24, seed=number, refine=False, observe=False)
+    refined = pk.refine(searched, observe=False)
+    motions, names = refined.motions, [each.name for each in objectives]
+    true = true_values(motions, objectives)
+    spline = replace(motions, **_spline_state(motions))
+    before = np.stack([objective(spline) for objective in objectives], axis=1)
+    dq, state = motions.dq, motions.state(motions.time[0]).dq
+    widths = np.ptp(refined.ranges, axis=1)
+    pairs = [(i, searched.ids.tolist().index(k)) for i, k in enumerate(refined.ids.tolist()) if k in searched.ids]
+    rows, were = np.array(pairs, dtype=int).reshape(-1, 2).T
+    gains = (true_values(searched.motions[were], objectives) - true[rows]) / widths
+    statuses = Counter(refined.certificates.status.tolist())
+    kind = f"{'spatial' if number % 3 == 2 else 'planar'} {arm.dof}R{', cyclic' if cyclic else ''}"
+    return Outcome(
+        name=f"{number + 1}: {kind}, {len(path.times)} samples, {names[2]}",
+        stated=100 * float(np.max(np.abs(refined.objectives - true) / np.abs(true))),
+        before=100 * float(np.max(np.abs(before - true) / np.abs(true))),
+        velocity=float(np.max(np.abs(dq - state) / np.ptp(state, axis=1, keepdims=True).max(axis=2, keepdims=True))),
+        gain=float(gains.min()) if len(rows) else np.nan,
+        statuses=", ".join(f"{count} {status}" for status, count in statuses.most_common()),
+    )
+
+
+def true_values(motions: Motion, objectives: Sequence[Any]) -> Float[np.ndarray, "points n_obj"]:
+    """Return objectives (points, n_obj) of curves, from positions alone."""
+    return np.array([[_true_value(motion, objective) for objective in objectives] for motion in motions])
+
+
+def _true_value(motion: Motion, objective: Any) -> float:
+    step = STEP * float(np.diff(motion.time).min())
+    times = (motion.time[:-1, None] + np.diff(motion.time)[:, None] * (np.arange(FINER) + 0.5) / FINER).ravel()
+    middle = times < np.repeat((motion.time[:-1] + motion.time[1:]) / 2, FINER)
+    values = np.empty(len(times))
+    for chosen, side in ((middle, 1), (~middle, -1)):
+        values[chosen] = objective.function(motion_at(motion, times[chosen], side * step))
+    if objective.form == "peak":
+        return float(values.max())
+    return float(values @ np.repeat(np.diff(motion.time) / FINER, FINER))  # the rule of middles
+
+
+def _spline_state(motions: Motion) -> dict[str, Any]:
+    """Return fields of motions whose state is that of the spline."""
+    time, q, derivatives = evaluate_with_midpoints(motions.spline)
+    q[..., ::2, :] = motions.q
+    return {"time": time, "q": q, "derivatives": replace(derivatives, velocity_bounds=derivatives.dq.copy())}
+
+
+def tables(outcomes: Sequence[Outcome]) -> list[Row]:
+    """Return the table of outcomes, losses first, and that of all."""
+    rows, order = [], sorted(outcomes, key=lambda each: (each.stated <= GOAL, -each.stated))
+    for each in order:
+        for column, value, unit in (
+            ("stated", each.stated, "%"),
+            ("before", each.before, "%"),
+            ("velocity", each.velocity, ""),
+            ("gain", each.gain, "of ranges"),
+        ):
+            rows.append(Row("values", each.name, column, unit=unit, ours=value, note=each.statuses))
+    all_ = {
+        "stated": (max(each.stated for each in outcomes), GOAL, "%"),
+        "before": (max(each.before for each in outcomes), GOAL, "%"),
+        "velocity": (max(each.velocity for each in outcomes), AGREEMENT, ""),
+        "gain": (float(np.nanmin([each.gain for each in outcomes])), 0.0, "of ranges"),
+    }
+    for column, (value, goal, unit) in all_.items():
+        rows.append(Row("all cases", "worst", column, unit=unit, ours=value, reference=goal, source="goal"))
+    return rows
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Print the rows."""
+    parser = study_parser(__doc__ or "", quick=f"{QUICK_CASES} cases, 10 generations")
+    parser.add_argument("--cases", type=int, default=CASES)
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args(arguments)
+    count = QUICK_CASES if options.quick else options.cases
+    rng, outcomes = np.random.default_rng(options.seed), list[Outcome]()
+    while len(outcomes) < count:
+        try:
+            outcomes.append(run_case(len(outcomes), rng, 10 if options.quick else 40))
+        except ParetoikError:
+            continue
+        tell(str(outcomes[-1]))
+    report(tables(outcomes), json_file=options.json)
+
+
+if __name__ == "__main__":
+    main()
