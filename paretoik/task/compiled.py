@@ -86,25 +86,44 @@ def _move(q, directions, s, step, max_step):
 
 
 @compiled
-def project_rates(rates, inputs, values, scales, spline, directions, turning, bending, state, multipliers):
+def write_directions(normals, spline, scales, directions):
+    """Write D = W² Jᵀ and its first and second derivatives, (3, points, dof, rows), from a spline's state.
+
+    ``normals`` is the evaluator of J, J̇ and J̈ at ``spline`` (3, points, dof); W are the ``scales`` of joints.
+    """
+    _, points, n, rows = directions.shape
+    places, values = np.empty((3 * n, points)), np.empty((3 * rows * n, points))
+    for o in range(3):
+        for p in range(points):
+            for j in range(n):
+                places[o * n + j, p] = spline[o, p, j]
+    run(normals, places, values)
+    for o in range(3):
+        for p in range(points):
+            for j in range(n):
+                for i in range(rows):
+                    directions[o, p, j, i] = values[(o * rows + i) * n + j, p] * scales[j] ** 2
+
+
+@compiled
+def project_rates(rates, inputs, scales, spline, directions, state, multipliers):
     """Write velocities and accelerations of a spline's projection q = s + D λ; ``state``[0] holds its positions.
 
-    ``spline`` and ``state`` are (3, points, dof): positions, velocities, accelerations. ``directions`` D, with first
-    and second derivatives ``turning`` and ``bending``, are (points, dof, rows); without derivatives (0, dof, rows).
+    ``spline`` and ``state`` are (3, points, dof): positions, velocities, accelerations; ``directions`` D, Ḋ and D̈.
     ``rates`` is the evaluator of ∂g/∂q, ġ and g̈ at ``inputs``: state, then targets with two derivatives.
     ``multipliers`` (3, points, rows) become λ, λ̇ and λ̈. Errors show as inf or NaN.
     """
-    points, n, rows = directions.shape
-    matrix, right = np.empty((rows, rows)), np.empty(rows)
+    _, points, n, rows = directions.shape
+    matrix, right, values = np.empty((rows, rows)), np.empty(rows), np.empty((rows * (n + 2), points))
     for p in range(points):
         for i in range(rows):
             right[i] = 0.0
             for j in range(n):
-                right[i] += directions[p, j, i] * (state[0, p, j] - spline[0, p, j]) / scales[j] ** 2
+                right[i] += directions[0, p, j, i] * (state[0, p, j] - spline[0, p, j]) / scales[j] ** 2
             for k in range(rows):
                 matrix[i, k] = 0.0
                 for j in range(n):
-                    matrix[i, k] += directions[p, j, i] * directions[p, j, k] / scales[j] ** 2
+                    matrix[i, k] += directions[0, p, j, i] * directions[0, p, j, k] / scales[j] ** 2
         solve(matrix, right)
         multipliers[0, p] = right
         for j in range(n):
@@ -113,11 +132,10 @@ def project_rates(rates, inputs, values, scales, spline, directions, turning, be
         for p in range(points):
             for j in range(n):
                 rate = spline[order, p, j]
-                for k in range(rows if len(turning) else 0):
-                    if order == 1:  # ṡ + Ḋ λ, and then + D λ̇
-                        rate += turning[p, j, k] * multipliers[0, p, k]
-                    else:  # s̈ + D̈ λ + 2 Ḋ λ̇, and then + D λ̈
-                        rate += bending[p, j, k] * multipliers[0, p, k] + 2 * turning[p, j, k] * multipliers[1, p, k]
+                for k in range(rows):  # ṡ + Ḋ λ, and then + D λ̇; s̈ + D̈ λ + 2 Ḋ λ̇, and then + D λ̈
+                    rate += directions[order, p, j, k] * multipliers[0, p, k]
+                    if order == 2:
+                        rate += 2 * directions[1, p, j, k] * multipliers[1, p, k]
                 state[order, p, j] = inputs[order * n + j, p] = rate
         run(rates, inputs, values)
         for p in range(points):
@@ -126,12 +144,12 @@ def project_rates(rates, inputs, values, scales, spline, directions, turning, be
                 for k in range(rows):
                     matrix[i, k] = 0.0
                     for j in range(n):
-                        matrix[i, k] += values[i * n + j, p] * directions[p, j, k]
+                        matrix[i, k] += values[i * n + j, p] * directions[0, p, j, k]
             solve(matrix, right)
             multipliers[order, p] = right
             for j in range(n):
                 for k in range(rows):
-                    state[order, p, j] += directions[p, j, k] * right[k]
+                    state[order, p, j] += directions[0, p, j, k] * right[k]
                 inputs[order * n + j, p] = state[order, p, j]
 
 

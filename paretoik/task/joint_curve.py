@@ -1,15 +1,14 @@
 """The curve of a motion: its spline projected onto the path, with exact velocities and accelerations.
 
-The spline is s(t), J the tasks' Jacobian and W the joint scales. The projection moves along directions D(t),
-q = s + D λ, until the tasks' equations g(q, t) = 0 hold. At the samples and the middles between them D spans the normal
-directions W² Jᵀ at s and stands still; in between it blends from one to the next, with two continuous derivatives. The
-derivatives of λ follow from linear systems of one matrix, ∂g/∂q D: the implicit function theorem.
+The spline is s(t), J the tasks' Jacobian there and W the joint scales. The projection moves along the normal directions
+D = W² Jᵀ, q = s + D λ, until the tasks' equations g(q, t) = 0 hold. The derivatives of λ follow from linear systems of
+one matrix, ∂g/∂q D: the implicit function theorem.
 """
 
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -24,7 +23,7 @@ from paretoik.robot.arm import Arm
 from paretoik.robot.scales import joint_scales
 from paretoik.tables import field_representation, html_representation
 from paretoik.task.retraction import OPTIONS, compiled_steps, row_scales
-from paretoik.task.task import Task, path_equations
+from paretoik.task.task import Task, path_equations, path_jacobian
 
 Frames: TypeAlias = Float[np.ndarray, "*batch instants dof rows"]
 
@@ -54,32 +53,6 @@ def interpolate(q: JointPaths, time: Series, t: Times, *, cyclic: bool, order: i
     return values.reshape(*q.shape[:-2], len(t), q.shape[-1])
 
 
-class Directions(NamedTuple):
-    """Directions of the projection (*batch, instants, dof, rows), and their first and second derivatives."""
-
-    at: Frames
-    first: Frames
-    second: Frames
-
-
-def blend_directions(nodes: Frames, node_times: Series, t: Times) -> Directions:
-    """Return directions at increasing times t [s] from those at the nodes, where they stand still."""
-    times = node_times.reshape(-1, node_times.shape[-1])
-    rows = times[:1] if np.all(times == times[0]) else times
-    index = np.stack([np.clip(np.searchsorted(row, t, side="right") - 1, 0, len(row) - 2) for row in rows])
-    begin, end = (np.take_along_axis(rows, index + k, axis=1) for k in (0, 1))
-    step = end - begin
-    x = np.clip((t - begin) / step, 0.0, 1.0)
-    # the polynomial from 0 to 1 whose first and second derivatives vanish at both ends
-    weights = x**3 * (10 - 15 * x + 6 * x**2), 30 * (x * (1 - x)) ** 2 / step, 60 * x * (1 - x) * (1 - 2 * x) / step**2
-    flat = nodes.reshape(-1, *nodes.shape[-3:])
-    index = np.broadcast_to(index, (len(flat), len(t)))
-    before, after = (np.take_along_axis(flat, (index + k)[..., None, None], axis=1) for k in (0, 1))
-    shape = (*nodes.shape[:-3], len(t), *nodes.shape[-2:])
-    value, first, second = (w[..., None, None] * (after - before) for w in weights)
-    return Directions((before + value).reshape(shape), first.reshape(shape), second.reshape(shape))
-
-
 def target_rates(tasks: Sequence[Task], t: Times) -> tuple[Float[np.ndarray, "time numbers"], ...]:
     """Return the targets of all tasks at times t [s], and their first and second derivatives."""
     rates = [task.target_rates(t) for task in tasks]
@@ -91,33 +64,22 @@ def project_rates(
     arm: Arm,
     tasks: Sequence[Task],
     spline: JointState,
-    directions: Directions,
     q: JointPaths,
     targets: Sequence[Float[np.ndarray, "*#batch instants numbers"]],
 ) -> JointState:
-    """Return the state of a spline's projection along directions, where its positions are q on the path.
+    """Return the state of a spline's projection onto the path, where its positions are q.
 
     Exact up to rounding: no differences are taken. The system is regular where the projection succeeded, because
     that changes no determinant's sign.
     """
-    points, n = int(np.prod(q.shape[:-1])), arm.dof
-    moving, *turning = (np.ascontiguousarray(part.reshape(points, *part.shape[-2:])) for part in directions)
+    points, n, rows, steps = int(np.prod(q.shape[:-1])), arm.dof, sum(task.rows for task in tasks), compiled_steps()
     given = [np.broadcast_to(part, (*q.shape[:-1], part.shape[-1])).reshape(points, -1) for part in targets]
     inputs = np.concatenate([np.zeros((3 * n, points)), *(part.T for part in given)])
-    before = np.stack([part.reshape(points, n) for part in spline])
-    evaluator, rows = rate_evaluator(arm, tasks), moving.shape[-1]
-    state = np.stack([q.reshape(points, n), *before[1:]])
-    compiled_steps().project_rates(
-        evaluator.arrays,
-        inputs,
-        np.empty((len(evaluator.outputs), points)),
-        joint_scales(arm),
-        before,
-        moving,
-        *turning,
-        state,
-        np.empty((3, points, rows)),
-    )
+    before, scales = np.stack([part.reshape(points, n) for part in spline]), joint_scales(arm)
+    state, directions = np.stack([q.reshape(points, n), *before[1:]]), np.empty((3, points, n, rows))
+    steps.write_directions(normal_evaluator(arm, tasks).arrays, before, scales, directions)
+    rates, multipliers = rate_evaluator(arm, tasks).arrays, np.empty((3, points, rows))
+    steps.project_rates(rates, inputs, scales, before, directions, state, multipliers)
     return JointState(*state.reshape(3, *q.shape))
 
 
@@ -126,11 +88,41 @@ def rate_evaluator(arm: Arm, tasks: Sequence[Task]) -> Evaluator:
 
     The path equations g are relative to ``row_scales``.
     """
-    key = arm, *((task.frame, task.axes) for task in tasks)
+
+    def build() -> tuple[Tape, list[int]]:
+        tape, (q, *_), (equations, first, second) = trace_path(arm, tasks)
+        slopes = [entry for equation in equations for entry in gradient(tape, equation, q)]
+        return tape, [*slopes, *first, *second]
+
+    return cached_evaluator("rates", arm, tasks, build)
+
+
+def normal_evaluator(arm: Arm, tasks: Sequence[Task]) -> Evaluator:
+    """Return the evaluator of J, J̇ and J̈ at s, ṡ and s̈, their rows relative to ``row_scales``."""
+
+    def build() -> tuple[Tape, list[int]]:
+        tape = Tape()
+        s, ds, dds = _inputs(tape, arm.dof)
+        jacobian = scaled_jacobian(tape, arm, tasks, s)
+        first = tangents(tape, jacobian, _directions(s, ds))
+        return tape, [*jacobian, *first, *tangents(tape, first, _directions(s, ds) | _directions(ds, dds))]
+
+    return cached_evaluator("normals", arm, tasks, build)
+
+
+def scaled_jacobian(tape: Tape, arm: Arm, tasks: Sequence[Task], q: list[Any]) -> list[int]:
+    """Return the entries of the tasks' Jacobian on a tape, by rows, relative to ``row_scales``."""
+    shares = np.repeat(1.0 / row_scales(arm, tasks), arm.dof)
+    return [as_entry(tape, slope * share) for slope, share in zip(path_jacobian(arm, tasks, q), shares, strict=True)]
+
+
+def cached_evaluator(
+    kind: str, arm: Arm, tasks: Sequence[Task], build: Callable[[], tuple[Tape, list[int]]]
+) -> Evaluator:
+    """Return the evaluator of a tape's outputs, from memory if it was built before for such tasks on any path."""
+    key = kind, arm, *((task.frame, task.axes) for task in tasks)
     if key not in _EVALUATORS:
-        tape, (q, *_), rates = trace_path(arm, tasks)
-        slopes = [entry for equation in rates[0] for entry in gradient(tape, equation, q)]
-        _EVALUATORS[key] = compile_evaluator(tape, [*slopes, *rates[1], *rates[2]])
+        _EVALUATORS[key] = compile_evaluator(*build())
         if len(_EVALUATORS) > OPTIONS.cache_size:
             _EVALUATORS.popitem(last=False)
     return _EVALUATORS[key]

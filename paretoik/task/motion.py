@@ -27,17 +27,10 @@ from paretoik.task.differences import (
     with_midpoints,
 )
 from paretoik.task.distances import clearance
-from paretoik.task.joint_curve import (
-    Directions,
-    JointState,
-    blend_directions,
-    interpolate,
-    project_rates,
-    target_rates,
-)
+from paretoik.task.joint_curve import JointState, interpolate, project_rates, target_rates
 from paretoik.task.motion_arguments import check_settings, checked_samples
 from paretoik.task.obstacles import Obstacle
-from paretoik.task.retraction import ON_PATH_TOLERANCE, normal_directions, retract, task_errors
+from paretoik.task.retraction import ON_PATH_TOLERANCE, retract_nearest, task_errors
 from paretoik.task.spline import Derivatives, Spline, evaluate_with_midpoints, fit_spline
 from paretoik.task.summary import motion_text
 from paretoik.task.task import Task
@@ -260,10 +253,7 @@ class Motion:
         """
         instants = self._instants(t, project)
         q = self._curve(instants)
-        if not (self.tasks and project):
-            return q
-        directions = blend_directions(self._normals, with_midpoints(self.time), instants)
-        return self._project(q, instants, directions.at)
+        return self._project(q, instants) if self.tasks and project else q
 
     def state(self, t: Float[np.ndarray, " instants"], *, project: bool = True) -> JointState:
         """Return joint positions, velocities and accelerations, each (*batch, instants, dof), at times t [s].
@@ -278,9 +268,8 @@ class Motion:
         spline = JointState(*(self._curve(instants, order) for order in range(3)))
         if not (self.tasks and project):
             return spline
-        directions = blend_directions(self._normals, with_midpoints(self.time), instants)
-        q = self._project(spline.q, instants, directions.at)
-        return project_rates(self.arm, self.tasks, spline, directions, q, target_rates(self.tasks, instants))
+        q = self._project(spline.q, instants)
+        return project_rates(self.arm, self.tasks, spline, q, target_rates(self.tasks, instants))
 
     def _instants(self, t: np.ndarray, project: bool) -> np.ndarray:
         """Return times as an array; raises InvalidInput for those outside the motion."""
@@ -302,17 +291,6 @@ class Motion:
         return interpolate(self.q, self.time, instants, cyclic=self.cyclic, order=order)
 
     @cached_property
-    def _normals(self) -> Float[np.ndarray, "*batch nodes dof rows"]:
-        """Normal directions of the tasks at the samples and the middles: along these the curve is projected there."""
-        if self.differences == "spline":
-            q = self._spline_nodes.q
-        else:
-            flat, times = self.q.reshape(-1, *self.q.shape[-2:]), self.time.reshape(-1, self.time.shape[-1])
-            nodes = [interpolate(a, s, with_midpoints(s), cyclic=self.cyclic) for a, s in zip(flat, times, strict=True)]
-            q = np.stack(nodes).reshape(*self.q.shape[:-2], -1, self.q.shape[-1])
-        return normal_directions(self.arm, self.tasks, q, np.zeros(sum(task.target_size for task in self.tasks)))
-
-    @cached_property
     def _spline_nodes(self) -> JointState:
         """State of the spline at the samples and the middles between them."""
         _, q, derivatives = evaluate_with_midpoints(self.spline)
@@ -326,14 +304,10 @@ class Motion:
             return spline
         times, inverse = np.unique(with_midpoints(self.time), return_inverse=True)
         targets = [part[inverse.reshape(spline.q.shape[:-1])] for part in target_rates(self.tasks, times)]
-        retraction = retract(self.arm, self.tasks, spline.q, targets[0], self._normals)
-        on_path, still = retraction.on_path, np.zeros_like(self._normals)
-        directions = Directions(*(part[on_path] for part in (self._normals, still, still)))
-        rows = JointState(*(part[on_path] for part in spline))
-        state = JointState(*(part.copy() for part in spline))
-        projected = project_rates(
-            self.arm, self.tasks, rows, directions, retraction.q[on_path], [part[on_path] for part in targets]
-        )
+        retraction = retract_nearest(self.arm, self.tasks, spline.q, targets[0])
+        on_path, state = retraction.on_path, JointState(*(part.copy() for part in spline))
+        rows, places = JointState(*(part[on_path] for part in spline)), [part[on_path] for part in targets]
+        projected = project_rates(self.arm, self.tasks, rows, retraction.q[on_path], places)
         for part, values in zip(state, projected, strict=True):
             part[on_path] = values
         if self.cyclic:
@@ -341,9 +315,9 @@ class Motion:
                 part[..., -1, :] = part[..., 0, :]
         return state
 
-    def _project(self, q: np.ndarray, instants: np.ndarray, directions: np.ndarray) -> np.ndarray:
+    def _project(self, q: np.ndarray, instants: np.ndarray) -> np.ndarray:
         targets = np.concatenate([task.targets(instants) for task in self.tasks], axis=1)
-        retraction = retract(self.arm, self.tasks, q, targets, directions)
+        retraction = retract_nearest(self.arm, self.tasks, q, targets)
         if not retraction.on_path.all():
             off_path = np.unravel_index(int(np.argmin(retraction.on_path)), q.shape[:-1])
             where = f"at: the motion must follow its path, but at {instants[off_path[-1]]:g} s"

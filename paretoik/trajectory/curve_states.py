@@ -6,41 +6,40 @@ the directions of the projection turn: this counts times the spline's distance f
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from paretoik.autodiff.differentiation import gradient
-from paretoik.autodiff.evaluator import Evaluator, compile_evaluator
-from paretoik.autodiff.tape import Tape, as_entry
+from paretoik.autodiff.differentiation import gradient, tangents
+from paretoik.autodiff.evaluator import Evaluator
+from paretoik.autodiff.tape import Expression, Tape, as_entry
 from paretoik.robot.arm import Arm
 from paretoik.robot.scales import joint_scales
-from paretoik.task.joint_curve import rate_evaluator, target_rates, trace_path
+from paretoik.task.joint_curve import (
+    cached_evaluator,
+    normal_evaluator,
+    rate_evaluator,
+    scaled_jacobian,
+    target_rates,
+    trace_path,
+)
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import ON_PATH_TOLERANCE, OPTIONS, error_evaluator, row_scales
-from paretoik.task.task import Task, path_jacobian
+from paretoik.task.task import Task
 from paretoik.trajectory.compiled.curve_states import Curve
-
-
-class _Slopes(NamedTuple):
-    """Evaluators of J, B and C at the curve's state, and of ∂(Jᵀ λ)/∂s at the spline's."""
-
-    slopes: Evaluator
-    turns: Evaluator
 
 
 def curve_arrays(task: MotionTask) -> Curve:
     """Return what projects the instants of a task; its registers are its own: one for a thread."""
-    arm, tasks, derivatives = task.arm, task.tasks, _slopes(task.arm, task.tasks)
-    targets = instant_targets(task)
+    arm, tasks, targets = task.arm, task.tasks, instant_targets(task)
     return Curve(
         projects=task.differences == "spline",
         errors=error_evaluator(arm, tasks).arrays,
+        normals=normal_evaluator(arm, tasks).arrays,
         rates=rate_evaluator(arm, tasks).arrays,
-        slopes=derivatives.slopes.arrays,
-        turns=derivatives.turns.arrays,
+        slopes=_slopes(arm, tasks).arrays,
+        turns=_turns(arm, tasks).arrays,
         targets=np.ascontiguousarray(targets[0]),
         inputs=np.concatenate([np.zeros((3 * arm.dof, len(targets[0]))), *(part.T for part in targets)]),
         row_scales=row_scales(arm, tasks),
@@ -58,23 +57,32 @@ def instant_targets(task: MotionTask) -> tuple[np.ndarray, ...]:
     return targets
 
 
-def _slopes(arm: Arm, tasks: Sequence[Task]) -> _Slopes:
-    key = arm, *((task.frame, task.axes) for task in tasks)
-    if key not in _EVALUATORS:
-        tape, (q, *_), (equations, first, second) = trace_path(arm, tasks)
-        slopes = [entry for part in (equations, first, second) for each in part for entry in gradient(tape, each, q)]
-        other, rows = Tape(), len(equations)
-        s: list[Any] = [other.input() for _ in range(arm.dof)]
-        factors: list[Any] = [other.input() for _ in range(rows)]
-        jacobian: Any = path_jacobian(arm, tasks, s)
-        turns = []
-        for j in range(arm.dof):
-            component = sum((factors[i] * jacobian[i * arm.dof + j] for i in range(rows)), start=0.0)
-            turns += gradient(other, as_entry(other, component), [value.index for value in s])
-        _EVALUATORS[key] = _Slopes(compile_evaluator(tape, slopes), compile_evaluator(other, turns))
-        if len(_EVALUATORS) > OPTIONS.cache_size:
-            _EVALUATORS.popitem(last=False)
-    return _EVALUATORS[key]
+def _slopes(arm: Arm, tasks: Sequence[Task]) -> Evaluator:
+    """Return the evaluator of J, B = ∂ġ/∂q and C = ∂g̈/∂q, as ``rate_evaluator``."""
+
+    def build() -> tuple[Tape, list[int]]:
+        tape, (q, *_), parts = trace_path(arm, tasks)
+        return tape, [entry for part in parts for each in part for entry in gradient(tape, each, q)]
+
+    return cached_evaluator("slopes", arm, tasks, build)
 
 
-_EVALUATORS: OrderedDict[Any, _Slopes] = OrderedDict()
+def _turns(arm: Arm, tasks: Sequence[Task]) -> Evaluator:
+    """Return the evaluator of the slopes of Jᵀ λ and its first and second derivatives by s.
+
+    Its inputs are s, ṡ and s̈, then λ, λ̇ and λ̈.
+    """
+
+    def build() -> tuple[Tape, list[int]]:
+        tape, n, rows = Tape(), arm.dof, sum(task.rows for task in tasks)
+        s, ds, dds = ([tape.input() for _ in range(n)] for _ in range(3))
+        factors, first, second = ([tape.input() for _ in range(rows)] for _ in range(3))
+        jacobian: list[Any] = [Expression(tape, i) for i in scaled_jacobian(tape, arm, tasks, s)]
+        sums = [as_entry(tape, sum((m * jacobian[i * n + j] for i, m in enumerate(factors)), 0.0)) for j in range(n)]
+        entries = [[value.index for value in part] for part in ([*s, *factors], [*ds, *first], [*dds, *second])]
+        moving = dict(zip(entries[0], entries[1], strict=True))
+        rates = tangents(tape, sums, moving)
+        bends = tangents(tape, rates, moving | dict(zip(entries[1], entries[2], strict=True)))
+        return tape, [slope for each in (*sums, *rates, *bends) for slope in gradient(tape, each, entries[0][:n])]
+
+    return cached_evaluator("turns", arm, tasks, build)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -27,7 +28,7 @@ class ArmModel:
         """Number of joints."""
         return int(self.model.nv)
 
-    @property
+    @cached_property
     def length(self) -> float:
         """Length [m] of the arm stretched out, slides at 0; what positions are measured in."""
         offsets = [*self.arm.placements[1:], self.arm.tool]
@@ -36,12 +37,12 @@ class ArmModel:
         ranges = [high - low for low, high in slides if np.isfinite(high - low)]
         return length or max(ranges, default=0.0) or 1.0
 
-    @property
+    @cached_property
     def turning(self) -> np.ndarray:
         """Which joints turn (dof,); the others slide."""
         return np.array([kind != "prismatic" for kind in self.arm.joint_types])
 
-    @property
+    @cached_property
     def scales(self) -> np.ndarray:
         """Units of joints (dof,): 1 rad, or the arm's length [m] of a slide."""
         return np.where(self.turning, 1.0, self.length)

@@ -13,22 +13,26 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from paretoik.verification.arm_model import ArmModel
-from paretoik.verification.interpolant import instants_of, rebuild
+from paretoik.verification.interpolant import rebuild
 from paretoik.verification.measured_motion import MeasuredMotion
 from paretoik.verification.motion_checks import excesses
 from paretoik.verification.motion_limits import clearance_range
 from paretoik.verification.obstacle_distances import clearances, nearest_pair, smallest_radius
 from paretoik.verification.options import OPTIONS, TOLERANCES
-from paretoik.verification.path_targets import path_points, task_axes, task_error
+from paretoik.verification.path_targets import path_points, task_error
 from paretoik.verification.report import Check, Worst, judge, leave_out, note
 
 
 def project(
-    model: ArmModel, tasks: Any, q: np.ndarray, t: np.ndarray, directions: np.ndarray
+    model: ArmModel, tasks: Any, q: np.ndarray, t: np.ndarray, normal_at: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return postures moved onto the path along directions (time, dof, rows), and how far they are off it then."""
+    """Return postures moved onto the path along the normal directions, and how far they are off it then.
+
+    ``normal_at`` are the postures (time, dof) whose normal directions count, by default ``q``.
+    """
     targets = [path_points(task.path, t) for task in tasks]
     result, error = np.array(q), np.zeros(len(t))
+    squares = model.scales**2
 
     def errors_at(posture: np.ndarray, row: int) -> tuple[np.ndarray, np.ndarray]:
         parts = [
@@ -38,31 +42,17 @@ def project(
         return np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
 
     for row in range(len(t)):
+        directions = None if normal_at is None else squares[:, None] * errors_at(normal_at[row], row)[1].T
         for _ in range(OPTIONS.newton_steps):
             miss, jacobian = errors_at(result[row], row)
+            if directions is None:
+                directions = squares[:, None] * jacobian.T
             error[row] = np.abs(miss).max()
             if error[row] < 1e-13:
                 break
-            step = np.linalg.lstsq(jacobian @ directions[row], miss, rcond=None)[0]
-            result[row] = result[row] + directions[row] @ step
+            step = np.linalg.lstsq(jacobian @ directions, miss, rcond=None)[0]
+            result[row] = result[row] + directions @ step
     return result, error
-
-
-def normal_directions(model: ArmModel, tasks: Any, q: np.ndarray) -> np.ndarray:
-    """Return normal directions (time, dof, rows) of the path at postures: those of the rows of J in turn, orthonormal.
-
-    Slides are measured in lengths of the arm.
-    """
-    found = []
-    for posture in q:
-        rows = []
-        for task in tasks:
-            size, turning = task_axes(task, model.arm)
-            rotation, _, jacobian = model.jacobian(posture, task.frame)
-            rows += [jacobian[:size], (rotation.T @ jacobian[3:])[list(turning)]]
-        orthonormal, upper = np.linalg.qr((np.concatenate(rows) * model.scales).T)
-        found.append(model.scales[:, None] * orthonormal * np.where(np.diagonal(upper) < 0, -1.0, 1.0))
-    return np.array(found)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -89,27 +79,16 @@ class ProjectedCurve:
 
 
 def project_curve(task: Any, model: ArmModel, time: np.ndarray, q: np.ndarray) -> ProjectedCurve:
-    """Return the curve of samples (time, dof) on the path; pieces are halved until they are smooth.
-
-    The directions of the projection are normal at samples and in the middles; in between a quintic blends them.
-    """
+    """Return the curve of samples (time, dof) on the path; pieces are halved until they are smooth."""
     options = {"differences": task.differences, "cyclic": task.cyclic, "ends_at_rest": task.ends_at_rest}
     curve = rebuild(time, q, **options)
     nodes = chebyshev.chebpts1(OPTIONS.nodes)
     inverse = np.linalg.inv(chebyshev.chebvander(nodes, OPTIONS.nodes - 1))
     worst, at = 0.0, float(time[0])
-    still = instants_of(time, "spline")
-    frames = normal_directions(model, task.tasks, curve(still))
-
-    def directions_at(t: np.ndarray) -> np.ndarray:
-        after = np.clip(np.searchsorted(still, t, side="right"), 1, len(still) - 1)
-        x = ((t - still[after - 1]) / (still[after] - still[after - 1]))[:, None, None]
-        return np.asarray(frames[after - 1] + x**3 * (10 - 15 * x + 6 * x**2) * (frames[after] - frames[after - 1]))
-
-    fitted, open_ = [], np.stack([still[:-1], still[1:]], axis=1)
+    fitted, open_ = [], np.stack([time[:-1], time[1:]], axis=1)
     for level in range(OPTIONS.splits + 1):
         t = (open_.mean(axis=1, keepdims=True) + np.diff(open_) / 2 * nodes).ravel()
-        on_path, error = project(model, task.tasks, curve(t), t, directions_at(t))
+        on_path, error = project(model, task.tasks, curve(t), t)
         if not error.max() <= worst:
             worst, at = float(error.max()), float(t[int(error.argmax())])
         series = np.einsum("nm,pmj->pnj", inverse, on_path.reshape(len(open_), len(nodes), -1))

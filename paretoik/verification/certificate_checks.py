@@ -26,7 +26,7 @@ from scipy.linalg import null_space
 from scipy.optimize import linprog
 
 from paretoik.verification.arm_model import ArmModel
-from paretoik.verification.between_checks import finer_motion, normal_directions, project, project_curve
+from paretoik.verification.between_checks import finer_motion, project, project_curve
 from paretoik.verification.library_objectives import Terms, objective_terms
 from paretoik.verification.measured_motion import MeasuredMotion, measure
 from paretoik.verification.motion_limits import clearance_range, limit_shares
@@ -152,17 +152,12 @@ class Neighbours:
         touched = np.flatnonzero(np.abs(shares).max(axis=1) > 0)
         place = self.samples[touched]
         moved[place] += np.einsum("sr,srj->sj", shares[touched], self.frames[touched])
-        moved[place] = self._projected(moved[place], self.time[place], moved[place])
+        moved[place] = project(self.model, self.task.tasks, moved[place], self.time[place])[0]
         if self.task.cyclic:
             moved[-1] = moved[0]
         if self.task.ties_end:
-            moved[-1] = self._projected(moved[-2:-1], self.time[-1:], self.q[-1:])[0]
+            moved[-1] = project(self.model, self.task.tasks, moved[-2:-1], self.time[-1:], self.q[-1:])[0][0]
         return moved
-
-    def _projected(self, q: np.ndarray, t: np.ndarray, normal_at: np.ndarray) -> np.ndarray:
-        """Return postures moved onto the path along what is normal to it at others."""
-        directions = normal_directions(self.model, self.task.tasks, normal_at)
-        return project(self.model, self.task.tasks, q, t, directions)[0]
 
 
 def _gains(

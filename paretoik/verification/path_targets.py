@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from paretoik.verification.arm_model import ArmModel
+from paretoik.verification.options import OPTIONS
 
 TURNING_AXES = {"xyz+z-axis": (0, 1), "xy+angle": (2,), "pose": (0, 1, 2)}  # equations of orientation, in the frame
 
@@ -106,19 +107,24 @@ def path_rates(path: Any, t: np.ndarray) -> tuple[np.ndarray, ...]:
 def curve_states(
     model: ArmModel, tasks: Any, spline: tuple[np.ndarray, np.ndarray, np.ndarray], t: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return positions and rates (time, dof) of a spline's projection where its directions stand still.
+    """Return positions and rates (time, dof) of a spline's projection along its own normal directions.
 
-    They are the normal directions at the spline. Where it is too far from the path, its own state is returned.
+    Derivatives of these are differences. If the spline is too far from the path, its own state is returned.
     """
     targets = [(task, path_points(task.path, t), path_rates(task.path, t)) for task in tasks]
     states = np.array(spline)
     for k in range(len(t)):
         s, ds, dds = (part[k] for part in spline)
-        q, directions, size = s.copy(), None, np.inf
+        step = OPTIONS.turn / max(np.abs(ds).max(), np.sqrt(np.abs(dds).max()), 1e-12)
+        before, directions, after = (
+            model.scales[:, None] ** 2 * _task_system(model, targets, s + x * ds + x * x / 2 * dds, k)[1].T
+            for x in (-step, 0.0, step)
+        )
+        turn, bend = (after - before) / (2 * step), (after - 2 * directions + before) / step**2
+        q, size = s.copy(), np.inf
         for _ in range(12):
             miss, jacobian = _task_system(model, targets, q, k)
             size = np.abs(miss).max()
-            directions = model.scales[:, None] ** 2 * jacobian.T if directions is None else directions
             if size <= 1e-13:
                 break
             q = q + directions @ np.linalg.solve(jacobian @ directions, miss)
@@ -126,10 +132,13 @@ def curve_states(
             continue
         _, jacobian = _task_system(model, targets, q, k)
         matrix = jacobian @ directions
-        wanted = _task_rates(model, targets, q, None, k)
-        dq = ds + directions @ np.linalg.solve(matrix, wanted - jacobian @ ds)
-        wanted = _task_rates(model, targets, q, dq, k)
-        states[:, k] = q, dq, dds + directions @ np.linalg.solve(matrix, wanted - jacobian @ dds)
+        moved = np.linalg.lstsq(directions, q - s, rcond=None)[0]
+        dq = ds + turn @ moved
+        rate = np.linalg.solve(matrix, _task_rates(model, targets, q, None, k) - jacobian @ dq)
+        dq = dq + directions @ rate
+        ddq = dds + bend @ moved + 2 * turn @ rate
+        ddq = ddq + directions @ np.linalg.solve(matrix, _task_rates(model, targets, q, dq, k) - jacobian @ ddq)
+        states[:, k] = q, dq, ddq
     return states[0], states[1], states[2]
 
 

@@ -1,15 +1,14 @@
 """The state of a motion's curve at its instants, and how it changes with that of the spline; compiled.
 
-A motion is its spline s projected onto the path (``task.joint_curve``). At an instant the projection moves along the
-columns of D = W² J(s)ᵀ, where W are the joint scales, and D stands still:
+A motion is its spline s projected onto the path (``task.joint_curve``), along the columns of D = W² J(s)ᵀ where W are
+the joint scales: q = s + D λ, so that the path equations g(q, t), ġ and g̈ vanish. With G = (J D)⁻¹, K = D G,
+Π = I − K J, B = ∂ġ/∂q and C = ∂g̈/∂q the implicit function theorem gives, if multipliers are held first,
 
-    q = s + D λ,   q̇ = ṡ + D μ,   q̈ = s̈ + D ν,   so that g = ġ = g̈ = 0 for the path equations g(q, t).
+    δq₀ = δs + δD λ,                     δq = Π δq₀,                       δλ = −G J δq₀,
+    δq̇₀ = δṡ + δ(D λ)˙ + Ḋ δλ,           δq̇ = Π δq̇₀ − K B δq,              δλ̇ = −G (J δq̇₀ + B δq),
+    δq̈₀ = δs̈ + δ(D λ)¨ + D̈ δλ + 2 Ḋ δλ̇,  δq̈ = Π δq̈₀ − K (C δq + 2 B δq̇).
 
-With K = D (J D)⁻¹, Π = I − K J, B = ∂ġ/∂q and C = ∂g̈/∂q, the implicit function theorem gives
-
-    δq = Π (δs + δD λ),   δq̇ = Π (δṡ + δD μ) − K B δq,   δq̈ = Π (δs̈ + δD ν) − K (C δq + 2 B δq̇).
-
-Second derivatives are those of the Lagrangian with the equations' multipliers: −Kᵀ times the gradient, term by term.
+Second derivatives are those of the Lagrangian with multipliers of g, ġ and g̈ that leave no gradient by λ, λ̇ and λ̈.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ import numpy as np
 
 from paretoik.autodiff.interpreter import run
 from paretoik.compilation import compiled
-from paretoik.task.compiled import newton, project_rates, solve
+from paretoik.task.compiled import newton, project_rates, solve, write_directions
 
 
 class Curve(NamedTuple):
@@ -28,9 +27,10 @@ class Curve(NamedTuple):
 
     projects: bool  # False for motions of finite differences, whose state is that of their samples
     errors: tuple[np.ndarray, ...]  # of the task errors and their Jacobian at s and targets
+    normals: tuple[np.ndarray, ...]  # of J, J̇ and J̈ at s, ṡ and s̈
     rates: tuple[np.ndarray, ...]  # of J, ġ and g̈
     slopes: tuple[np.ndarray, ...]  # of J, B and C
-    turns: tuple[np.ndarray, ...]  # of ∂(Jᵀ λ)/∂s at s and λ
+    turns: tuple[np.ndarray, ...]  # of the slopes of Jᵀ λ, (Jᵀ λ)˙ and (Jᵀ λ)¨ by s
     targets: np.ndarray  # (instants, numbers)
     inputs: np.ndarray  # (3 dof + 3 numbers, instants): targets and their derivatives, below room for the state
     row_scales: np.ndarray  # (rows,)
@@ -45,11 +45,11 @@ class CurveWork(NamedTuple):
     inputs: np.ndarray  # as those of the curve
     spline: np.ndarray  # (3, instants, dof)
     state: np.ndarray  # (3, instants, dof)
-    directions: np.ndarray  # (instants, dof, rows): D
-    multipliers: np.ndarray  # (3, instants, rows): λ, μ and ν
+    directions: np.ndarray  # (3, instants, dof, rows): D, Ḋ and D̈
+    multipliers: np.ndarray  # (3, instants, rows): λ, λ̇ and λ̈
     on_path: np.ndarray  # (instants,): where not, the state is that of the spline
-    gains: np.ndarray  # (instants, dof, rows): K
-    bends: np.ndarray  # (2, instants, rows, dof): B and C
+    gains: np.ndarray  # (3, instants, dof, rows): K = D G, Ḋ G and D̈ G
+    bends: np.ndarray  # (3, instants, rows, dof): J, B and C
     chain: np.ndarray  # (instants, variables, variables): derivatives of the curve's state by that of the spline
 
 
@@ -63,11 +63,11 @@ def allocate_curve(curve, variables):
         curve.inputs.copy(),
         spline,
         np.zeros((3, instants, n)),
-        np.zeros((instants, n, rows)),
+        np.zeros((3, instants, n, rows)),
         np.zeros((3, instants, rows)),
         np.zeros(instants, dtype=np.bool_),
-        np.zeros((instants, n, rows)),
-        np.zeros((2, instants, rows, n)),
+        np.zeros((3, instants, n, rows)),
+        np.zeros((3, instants, rows, n)),
         np.zeros((instants, variables, variables)),
     )
 
@@ -96,23 +96,22 @@ def project_instants(curve, work, u):
 @compiled
 def _project(curve, work):
     """Write the state, and which instants are on the path, from the spline's state."""
-    spline, state, directions = work.spline, work.state, work.directions
-    instants, n, rows = directions.shape
-    places, values = np.empty((n + curve.targets.shape[1], instants)), np.empty((rows * (n + 2), instants))
-    for p in range(instants):
-        places[:n, p], places[n:, p] = spline[0, p], curve.targets[p]
-        state[0, p] = spline[0, p]
-    run(curve.errors, places, values[: rows * (n + 1)])
-    for p in range(instants):
-        for i in range(rows):
-            for j in range(n):
-                slope = values[rows + i * n + j, p]
-                directions[p, j, i] = slope * curve.scales[j] ** 2 / curve.row_scales[i]
-    errors, same_sheet, none = np.empty(instants), np.empty(instants, dtype=np.bool_), directions[:0]
-    newton(curve.errors, curve.targets, directions, curve.row_scales, curve.retraction, state[0], errors, same_sheet)
-    project_rates(
-        curve.rates, work.inputs, values, curve.scales, spline, directions, none, none, state, work.multipliers
+    spline, state = work.spline, work.state
+    _, instants, n = spline.shape
+    write_directions(curve.normals, spline, curve.scales, work.directions)
+    state[0] = spline[0]
+    errors, same_sheet = np.empty(instants), np.empty(instants, dtype=np.bool_)
+    newton(
+        curve.errors,
+        curve.targets,
+        work.directions[0],
+        curve.row_scales,
+        curve.retraction,
+        state[0],
+        errors,
+        same_sheet,
     )
+    project_rates(curve.rates, work.inputs, curve.scales, spline, work.directions, state, work.multipliers)
     for p in range(instants):
         total = 0.0
         for o in range(3):
@@ -126,70 +125,90 @@ def linearise_instants(curve, work):
     """Write the derivatives of the states that were last projected."""
     if not curve.projects:
         return
-    instants, n, rows = work.directions.shape
-    slopes, turns = np.empty((3 * rows * n, instants)), np.empty((n * n, 3 * instants))
-    places, matrix, right = np.empty((n + rows, 3 * instants)), np.empty((rows, rows)), np.empty(rows)
+    _, instants, n, rows = work.directions.shape
+    slopes, turns = np.empty((3 * rows * n, instants)), np.empty((3 * n * n, instants))
+    places, inverse = np.empty((3 * (n + rows), instants)), np.empty((rows, rows))
     run(curve.slopes, work.inputs, slopes)
     for o in range(3):
         for p in range(instants):
-            places[:n, o * instants + p] = work.spline[0, p]
-            places[n:, o * instants + p] = work.multipliers[o, p] / curve.row_scales
+            places[o * n : (o + 1) * n, p] = work.spline[o, p]
+            places[3 * n + o * rows : 3 * n + (o + 1) * rows, p] = work.multipliers[o, p]
     run(curve.turns, places, turns)
-    square, free, blocks = np.empty((n, n)), np.empty((n, n)), np.empty((3, 3, n, n))
-    jacobian, along = np.empty((rows, n)), np.empty((rows, n))
+    free, held, along = np.empty((n, n)), np.empty((3, 3, n, n)), np.empty((rows, n))
+    moved, rates = np.empty((2, rows, n)), np.empty((3, 3, n, n))
     for p in range(instants):
         if not work.on_path[p]:
             _keep_spline(work, p)
             continue
-        velocity, acceleration = work.bends[0, p], work.bends[1, p]
-        directions, gain = work.directions[p], work.gains[p]
-        for i in range(rows):
-            for j in range(n):
-                jacobian[i, j] = slopes[i * n + j, p]
-                velocity[i, j], acceleration[i, j] = slopes[(rows + i) * n + j, p], slopes[(2 * rows + i) * n + j, p]
-        for c in range(rows):
-            for i in range(rows):
-                right[i] = 1.0 if i == c else 0.0
-                for k in range(rows):
-                    matrix[i, k] = _row_column(jacobian, directions, i, k)
-            solve(matrix, right)
-            for j in range(n):
-                gain[j, c] = 0.0
-                for k in range(rows):
-                    gain[j, c] += directions[j, k] * right[k]
-        for i in range(n):
-            for j in range(n):
-                free[i, j] = (1.0 if i == j else 0.0) - _row_column(gain, jacobian, i, j)
-        blocks[:] = 0.0
+        jacobian, velocity, acceleration = work.bends[0, p], work.bends[1, p], work.bends[2, p]
+        gain, turn, bend = work.gains[0, p], work.directions[1, p], work.directions[2, p]
         for o in range(3):
-            for i in range(n):
+            for i in range(rows):
                 for j in range(n):
-                    turn = curve.scales[i] ** 2 * turns[i * n + j, o * instants + p]
-                    square[i, j] = turn + (1.0 if i == j and o == 0 else 0.0)
-            _add_product(free, square, 1.0, blocks[o, 0])
-        blocks[1, 1] = blocks[2, 2] = free
-        _add_bend(gain, velocity, -1.0, blocks[0, 0], along, blocks[1, 0])
-        _add_bend(gain, acceleration, -1.0, blocks[0, 0], along, blocks[2, 0])
-        _add_bend(gain, velocity, -2.0, blocks[1, 0], along, blocks[2, 0])
-        _add_bend(gain, velocity, -2.0, free, along, blocks[2, 1])
-        _write_chain(curve, blocks, work.chain[p])
+                    work.bends[o, p, i, j] = slopes[(o * rows + i) * n + j, p]
+        _invert(jacobian, work.directions[0, p], inverse)
+        work.gains[:, p] = 0.0
+        for o in range(3):
+            _add_product(work.directions[o, p], inverse, 1.0, work.gains[o, p])
+        free[:] = 0.0
+        _add_product(gain, jacobian, -1.0, free)
+        held[:], rates[:], moved[:] = 0.0, 0.0, 0.0
+        for i in range(n):
+            free[i, i] += 1.0
+            for j in range(n):
+                square = curve.scales[i] ** 2
+                held[0, 0, i, j] = square * turns[i * n + j, p] + (1.0 if i == j else 0.0)
+                held[1, 0, i, j] = square * turns[(n + i) * n + j, p]
+                held[2, 0, i, j] = square * turns[(2 * n + i) * n + j, p]
+                held[2, 1, i, j] = 2 * held[1, 0, i, j]
+        _add_product(free, held[0, 0], 1.0, rates[0, 0])
+        _move(inverse, jacobian, held[0, 0], along, moved[0])
+        _add_product(turn, moved[0], 1.0, held[1, 0])
+        _add_product(free, held[1, 0], 1.0, rates[1, 0])
+        _add_bend(gain, velocity, -1.0, rates[0, 0], along, rates[1, 0])
+        _move(inverse, jacobian, held[1, 0], along, moved[1])
+        _add_bend(inverse, velocity, -1.0, rates[0, 0], along, moved[1])
+        _add_product(bend, moved[0], 1.0, held[2, 0])
+        _add_product(turn, moved[1], 2.0, held[2, 0])
+        _add_product(turn, moved[0], 2.0, held[2, 1])
+        _add_product(free, held[2, 0], 1.0, rates[2, 0])
+        _add_bend(gain, acceleration, -1.0, rates[0, 0], along, rates[2, 0])
+        _add_bend(gain, velocity, -2.0, rates[1, 0], along, rates[2, 0])
+        _add_product(free, held[2, 1], 1.0, rates[2, 1])
+        _add_bend(gain, velocity, -2.0, rates[0, 0], along, rates[2, 1])
+        rates[1, 1] = rates[2, 2] = rates[0, 0]
+        _write_chain(curve, rates, work.chain[p])
+
+
+@compiled
+def _invert(jacobian, directions, inverse):
+    """Write G = (J D)⁻¹."""
+    rows = len(inverse)
+    matrix, right = np.empty((rows, rows)), np.empty(rows)
+    for c in range(rows):
+        matrix[:] = 0.0
+        _add_product(jacobian, directions, 1.0, matrix)
+        right[:] = 0.0
+        right[c] = 1.0
+        solve(matrix, right)
+        inverse[:, c] = right
+
+
+@compiled
+def _move(inverse, jacobian, held, along, moved):
+    """Write −G J times what the state changes by if multipliers are held."""
+    along[:] = 0.0
+    _add_product(jacobian, held, 1.0, along)
+    _add_product(inverse, along, -1.0, moved)
 
 
 @compiled
 def _keep_spline(work, p):
     """Write the derivatives of an instant whose state is that of the spline."""
-    work.gains[p], work.bends[:, p] = 0.0, 0.0
+    work.gains[:, p], work.bends[:, p] = 0.0, 0.0
     for a in range(work.chain.shape[1]):
         for b in range(work.chain.shape[1]):
             work.chain[p, a, b] = 1.0 if a == b else 0.0
-
-
-@compiled
-def _row_column(left, right, i, j):
-    total = 0.0
-    for k in range(left.shape[1]):
-        total += left[i, k] * right[k, j]
-    return total
 
 
 @compiled
@@ -258,24 +277,27 @@ def chain_gradient(work, gradient, out):
 
 @compiled
 def add_curve_multipliers(curve, work, gradient, multipliers):
-    """Add the multipliers (3 · rows, instants) of g, ġ and g̈ that belong to a gradient by the curve's state.
+    """Add the multipliers (orders · rows, instants) of g, ġ and g̈ that belong to a gradient by the curve's state.
 
-    They leave no gradient along the directions D.
+    They leave no gradient by λ, λ̇ and λ̈.
     """
-    instants, n, rows = work.directions.shape
-    orders, along, found = gradient.shape[0] // n, np.empty(n), np.zeros((3, rows))
+    _, instants, n, rows = work.directions.shape
+    orders, left, found = min(gradient.shape[0] // n, 3), np.zeros((3, n)), np.zeros((3, rows))
     for p in range(instants):
-        velocity, acceleration = work.bends[0, p], work.bends[1, p]
-        found[:] = 0.0
-        for o in range(min(orders, 3) - 1, -1, -1):
-            for j in range(n):
-                along[j] = gradient[o * n + j, p] / curve.scales[j]
-                for i in range(rows):
-                    if o == 1:
-                        along[j] += 2 * velocity[i, j] * found[2, i]
-                    elif o == 0:
-                        along[j] += velocity[i, j] * found[1, i] + acceleration[i, j] * found[2, i]
+        for o in range(orders - 1, -1, -1):
+            for j in range(n):  # before g of this order has its part
+                left[o, j] = gradient[o * n + j, p] / curve.scales[j]
+                for higher in range(o + 1, orders):
+                    factor = 2.0 if o == 1 else 1.0
+                    for i in range(rows):
+                        left[o, j] += factor * work.bends[higher - o, p, i, j] * found[higher, i]
             for i in range(rows):
-                for j in range(n):
-                    found[o, i] -= work.gains[p, j, i] * along[j]
+                found[o, i] = 0.0
+                for higher in range(o, orders):
+                    factor = -2.0 if o == 1 and higher == 2 else -1.0
+                    for j in range(n):
+                        found[o, i] += factor * work.gains[higher - o, p, j, i] * left[higher, j]
                 multipliers[o * rows + i, p] += found[o, i]
+            for j in range(n):
+                for i in range(rows):
+                    left[o, j] += work.bends[0, p, i, j] * found[o, i]
