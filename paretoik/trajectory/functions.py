@@ -184,17 +184,14 @@ def _add_loads(functions: Functions) -> None:
 
 
 def _add_inner_velocities(functions: Functions) -> None:
-    """Add the limits on the Bernstein coefficients of velocities between samples, vᵢ + h aᵢ / 2; see ``Spline``."""
+    """Add the limits on the Bernstein coefficients of velocities between samples; see ``Motion.bounding``."""
     motion, task = functions.motion, functions.motion.task
-    half, bounds = np.zeros(len(task.instants)), np.tile([-np.inf, np.inf], (len(task.instants), task.arm.dof, 1))
-    half[:-1:2] = np.diff(task.times) / 2
-    between = task.bounds_at("velocity", task.instants)
-    bounds[:-1:2] = between if len(between) == 1 else between[1::2]
-    half_step, ranges = motion.trace.parameter(half), task.limit_ranges("velocity", bounds)
+    bounds = np.tile([-np.inf, np.inf], (len(task.instants), task.arm.dof, 1))
+    bounds[1::2] = np.broadcast_to(task.bounds_at("velocity", task.instants), bounds.shape)[1::2]
+    values, ranges = bounding(motion).dq.entries, task.limit_ranges("velocity", bounds)
     for j, joint in enumerate(task.arm.joint_names):
         if np.isfinite(bounds[:, j]).any():
-            value = motion.dq.entries[j] + half_step * motion.ddq.entries[j]
-            _add_row(functions, f"velocity of {joint}", value, bounds[:, j], ranges[:, j])
+            _add_row(functions, f"velocity of {joint}", values[j], bounds[:, j], ranges[:, j])
 
 
 def _add_row(functions: Functions, name: str, value: Any, bounds: np.ndarray, ranges: np.ndarray) -> None:

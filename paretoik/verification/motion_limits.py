@@ -96,12 +96,9 @@ def limit_shares(task: Any, motion: MeasuredMotion) -> dict[str, np.ndarray]:
 def limited_values(task: Any, motion: MeasuredMotion, kind: str) -> np.ndarray:
     """Return the values (time, dof) that a kind of limit bounds.
 
-    With differences="spline" velocities at the middles of intervals are Bernstein points: a parabola lies within them.
+    With differences="spline" velocities at the middles of intervals are Bernstein points.
     """
-    values = np.array(getattr(motion, QUANTITIES[kind])[0])
-    if kind == "velocity" and len(values) == 2 * len(task.times) - 1:
-        values[1::2] = 2 * values[1::2] - (values[:-1:2] + values[2::2]) / 2
-    return values
+    return np.asarray(getattr(motion.bounding if kind == "velocity" else motion, QUANTITIES[kind])[0])
 
 
 def limits_at(bounds: np.ndarray, samples: np.ndarray, t: np.ndarray) -> np.ndarray:

@@ -110,7 +110,7 @@ def tables(outcomes: Sequence[Outcome]) -> list[Row]:
             ("velocity", each.velocity, ""),
             ("gain", each.gain, "of ranges"),
         ):
-            rows.append(Row("values", each.name, column, unit=unit, ours=value, note=each.statuses))
+            rows.append(_row("values", each.name, column, unit, value, note=each.statuses))
     all_ = {
         "stated": (max(each.stated for each in outcomes), GOAL, "%"),
         "before": (max(each.before for each in outcomes), GOAL, "%"),
@@ -118,8 +118,12 @@ def tables(outcomes: Sequence[Outcome]) -> list[Row]:
         "gain": (float(np.nanmin([each.gain for each in outcomes])), 0.0, "of ranges"),
     }
     for column, (value, goal, unit) in all_.items():
-        rows.append(Row("all cases", "worst", column, unit=unit, ours=value, reference=goal, source="goal"))
+        rows.append(_row("all cases", "worst", column, unit, value, goal))
     return rows
+
+
+def _row(table: str, row: str, column: str, unit: str, ours: float, goal: float | None = None, note: str = "") -> Row:
+    return Row(table=table, row=row, column=column, unit=unit, ours=ours, reference=goal, source="goal", note=note)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
