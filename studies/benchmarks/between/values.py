@@ -55,7 +55,10 @@ def run_case(number: int, rng: np.random.Generator, generations: int) -> Outcome
     problem = pk.Tracking(arm, path, objectives=objectives, limits=pk.Limits(velocity=np.inf), cyclic=cyclic)
     searched = pk.solve(problem, generations=generations, population=24, seed=number, refine=False, observe=False)
     refined = pk.refine(searched, observe=False)
-    motions, names = refined.motions, [each.name for each in objectives]
+    motions, found, names = refined.motions, searched.motions, [each.name for each in objectives]
+    assert isinstance(motions, Motion)
+    assert isinstance(found, Motion)
+    assert refined.certificates is not None
     true = true_values(motions, objectives)
     spline = replace(motions, **_spline_state(motions))
     before = np.stack([objective(spline) for objective in objectives], axis=1)
@@ -63,8 +66,8 @@ def run_case(number: int, rng: np.random.Generator, generations: int) -> Outcome
     widths = np.ptp(refined.ranges, axis=1)
     pairs = [(i, searched.ids.tolist().index(k)) for i, k in enumerate(refined.ids.tolist()) if k in searched.ids]
     rows, were = np.array(pairs, dtype=int).reshape(-1, 2).T
-    gains = (true_values(searched.motions[were], objectives) - true[rows]) / widths
-    statuses = Counter(refined.certificates.status.tolist())
+    gains = (true_values(found[were], objectives) - true[rows]) / widths
+    statuses: Counter[str] = Counter(refined.certificates.status.tolist())
     kind = f"{'spatial' if number % 3 == 2 else 'planar'} {arm.dof}R{', cyclic' if cyclic else ''}"
     return Outcome(
         name=f"{number + 1}: {kind}, {len(path.times)} samples, {names[2]}",
