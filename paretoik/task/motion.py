@@ -46,8 +46,7 @@ class Motion:
 
     - "spline": those of the curve, as ``state`` has them. The curve is a cubic spline that passes within about δ⁴q/36
       of the inner samples, projected. Objectives and limits are evaluated on ``instants``, the samples and the middles
-      between them, integrals by Simpson's rule, peaks with Bernstein coefficients of the velocity. ``ends_at_rest``
-      makes the spline end with velocity 0.
+      between them, integrals by Simpson's rule. ``ends_at_rest`` makes the spline end with velocity 0.
     - "backward" as in Tringali & Cocuzza 2020 (v₀ = a₀ = 0, vᵢ = (qᵢ − qᵢ₋₁)/Δt, aᵢ = (vᵢ − vᵢ₋₁)/Δt, integrals by the
       rectangle at the right end), or "central" (second order, integrals by the trapezoid rule). They are differences of
       the samples, as papers have them, not derivatives of the curve: ``state`` differs from ``dq`` and ``ddq`` by their
@@ -218,13 +217,9 @@ class Motion:
         return replace(self, time=time, q=q, derivatives=derivatives)
 
     @property
-    def bounding(self) -> Motion:
-        """The instants with Bernstein coefficients for velocities between samples: peaks of velocities are below."""
-        motion = self.instants
-        if motion.derivatives is None:
-            return motion
-        derivatives = replace(motion.derivatives, dq=motion.derivatives.velocity_bounds)
-        return replace(motion, derivatives=derivatives)
+    def velocity_bounds(self) -> JointPaths:
+        """Velocities, at the middles of a spline's ``instants`` Bernstein coefficients: its peaks lie within them."""
+        return self.dq if self.derivatives is None else self.derivatives.velocity_bounds
 
     @property
     def weights(self) -> Series:

@@ -48,7 +48,7 @@ class Objective:
         """
         name = f"objective {self.name}"
         check_motion(name, motion)
-        motion = motion.bounding if self.form == "peak" else motion.instants
+        motion = motion.instants
         values = evaluate_function(name, self.function, motion, self.form)
         if self.form == "integral":
             return motion.integral(values)
@@ -222,8 +222,8 @@ def manipulability(motion: AnyMotion) -> AnyValues:
 
 @objective(unit="rad/s", form="peak")
 def peak_velocity(motion: AnyMotion) -> AnyValues:
-    """Largest joint speed (prismatic joints in m/s)."""
-    return np.max(np.abs(motion.dq), axis=-1)
+    """Largest joint speed (prismatic joints in m/s), between the samples of a spline too."""
+    return np.max(np.abs(motion.velocity_bounds), axis=-1)
 
 
 @objective(unit="N m", form="peak")

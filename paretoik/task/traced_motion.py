@@ -77,6 +77,16 @@ class TracedMotion:
         times: list[Any] = list(accumulate(self._own_steps, initial=0.0))
         return TracedArray(self.trace, np.array(times, dtype=object), shared=True)
 
+    @cached_property
+    def velocity_bounds(self) -> TracedArray:
+        """As ``Motion.velocity_bounds``."""
+        if self.seconds is None or self.differences != "spline":
+            return self.dq
+        share = np.zeros(len(self.task.instants))
+        share[1::2] = np.diff(self.task.times) ** 2 / 8  # the coefficient is v − h² q⃛ / 8 if v is that of the middle
+        factor: Any = self.trace.parameter(share) if self.trace.samples is not None else share[:, None]
+        return TracedArray(self.trace, self.dq.entries - self.jerk.entries * factor, shared=True)
+
     @property
     def weights(self) -> Any:
         """As ``Motion.weights``."""

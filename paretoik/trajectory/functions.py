@@ -6,7 +6,7 @@ functions of the whole motion.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -15,7 +15,6 @@ from paretoik.autodiff.differentiation import dependencies
 from paretoik.autodiff.operations import PIECEWISE, Op
 from paretoik.autodiff.rewriting import smooth_pieces
 from paretoik.autodiff.tape import Expression, as_entry
-from paretoik.autodiff.tracing import TracedArray
 from paretoik.robot.scales import joint_scales
 from paretoik.task.limits import LIMITED, Constraint
 from paretoik.task.motion_task import MotionTask
@@ -105,9 +104,7 @@ def trace_functions(task: MotionTask, shares: np.ndarray) -> Functions:
 
 def _add_total(functions: Functions, label: str, term: Objective | Constraint, factor: float, upper: float) -> None:
     motion, form = functions.motion, term.form
-    if form == "peak" and isinstance(term, Objective):
-        motion = bounding(motion)
-    elif form == "integral" and motion.task.differences == "spline" and _has_kinks(motion, label, term):
+    if form == "integral" and motion.task.differences == "spline" and _has_kinks(motion, label, term):
         motion = functions.spline
     value = trace_sample_function(motion, label, term.function) if form in ("integral", "peak") else None
     if value is None:
@@ -136,8 +133,7 @@ def _has_kinks(motion: TracedMotion, label: str, term: Objective | Constraint) -
 
 def _whole(task: MotionTask, label: str, term: Objective | Constraint, factor: float) -> WholeFunction:
     motion = trace_motion(task, scales=joint_scales(task.arm))
-    seen = bounding(motion) if term.form == "peak" and isinstance(term, Objective) else motion
-    values = trace_motion_function(seen, label, term.function, term.form)
+    values = trace_motion_function(motion, label, term.function, term.form)
     total: Any = 0.0
     if term.form == "integral":
         for weight, value in zip(task.weights, values, strict=True):
@@ -147,17 +143,6 @@ def _whole(task: MotionTask, label: str, term: Objective | Constraint, factor: f
         for value in values[1:]:  # a peak
             total = np.maximum(total, factor * value)
     return whole_function(motion.trace.tape, term.name, total)
-
-
-def bounding(motion: TracedMotion) -> TracedMotion:
-    """As ``Motion.bounding``."""
-    task, trace = motion.task, motion.trace
-    if task.differences != "spline":
-        return motion
-    share = np.zeros(len(task.instants))
-    share[1::2] = np.diff(task.times) ** 2 / 8  # the coefficient is v − h² q⃛ / 8 where the velocity is v in the middle
-    factor: Any = trace.parameter(share) if trace.samples is not None else share[:, None]
-    return replace(motion, dq=TracedArray(trace, motion.dq.entries - motion.jerk.entries * factor, shared=True))
 
 
 def _add_limits(functions: Functions) -> None:
@@ -184,11 +169,11 @@ def _add_loads(functions: Functions) -> None:
 
 
 def _add_inner_velocities(functions: Functions) -> None:
-    """Add the limits on the Bernstein coefficients of velocities between samples; see ``Motion.bounding``."""
+    """Add the limits on the Bernstein coefficients of velocities between samples; see ``Motion.velocity_bounds``."""
     motion, task = functions.motion, functions.motion.task
     bounds = np.tile([-np.inf, np.inf], (len(task.instants), task.arm.dof, 1))
     bounds[1::2] = np.broadcast_to(task.bounds_at("velocity", task.instants), bounds.shape)[1::2]
-    values, ranges = bounding(motion).dq.entries, task.limit_ranges("velocity", bounds)
+    values, ranges = motion.velocity_bounds.entries, task.limit_ranges("velocity", bounds)
     for j, joint in enumerate(task.arm.joint_names):
         if np.isfinite(bounds[:, j]).any():
             _add_row(functions, f"velocity of {joint}", values[j], bounds[:, j], ranges[:, j])

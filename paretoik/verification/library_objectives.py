@@ -15,7 +15,6 @@ LIBRARY = "paretoik.task.objectives"  # where the library's own are defined
 
 def objective_value(objective: Any, motion: MeasuredMotion) -> float:
     """Return an objective of a motion, in its own sign."""
-    motion = motion.bounding if objective.form == "peak" else motion
     return form_value(objective.form, objective_function(objective)(motion), motion, maximise=objective.maximise)
 
 
@@ -45,7 +44,6 @@ class Terms:
 
 def objective_terms(objective: Any, motion: MeasuredMotion, factor: float) -> Terms:
     """Return an objective times a factor, which is negative if it is maximised, as terms to minimise."""
-    motion = motion.bounding if objective.form == "peak" else motion
     name, count = _library_name(objective), motion.time.shape[1]
     instants, weights = np.arange(count), motion.weights if objective.form == "integral" else None
     if name in ABSOLUTE and factor > 0:
@@ -129,7 +127,7 @@ def _obstacle_clearance(motion: MeasuredMotion) -> np.ndarray:
 ABSOLUTE: dict[str, Callable[[MeasuredMotion], np.ndarray]] = {
     "mechanical_energy": lambda motion: motion.power,
     "joint_travel": lambda motion: motion.dq,
-    "peak_velocity": lambda motion: motion.dq,
+    "peak_velocity": lambda motion: motion.velocity_bounds,
     "peak_torque": lambda motion: motion.torque,
 }
 """Values (1, time, dof) whose absolute values are summed over joints, or whose largest absolute value counts."""
@@ -144,7 +142,7 @@ DEFINITIONS: dict[str, Callable[[MeasuredMotion], np.ndarray]] = {
     "joint_limit_nearness": _joint_limit_nearness,
     "velocity_limit_nearness": _velocity_limit_nearness,
     "manipulability": _manipulability,
-    "peak_velocity": lambda motion: np.abs(motion.dq).max(axis=-1),
+    "peak_velocity": lambda motion: np.abs(motion.velocity_bounds).max(axis=-1),
     "peak_torque": lambda motion: np.abs(motion.torque).max(axis=-1),
     "jerk": _jerk,
     "obstacle_clearance": _obstacle_clearance,

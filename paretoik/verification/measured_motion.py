@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -31,12 +31,12 @@ class MeasuredMotion:
     jerk: np.ndarray
     weights: np.ndarray
     link_radius: float = 0.0
-    velocity_bounds: np.ndarray | None = None
+    coefficients: np.ndarray | None = None
 
     @property
-    def bounding(self) -> MeasuredMotion:
-        """The motion with velocities that bound those between samples: peaks are of these."""
-        return self if self.velocity_bounds is None else replace(self, dq=self.velocity_bounds, velocity_bounds=None)
+    def velocity_bounds(self) -> np.ndarray:
+        """Velocities, at the middles of intervals Bernstein coefficients of a spline's."""
+        return self.dq if self.coefficients is None else self.coefficients
 
     @property
     def arm(self) -> Any:
@@ -174,7 +174,7 @@ def measure(model: ArmModel, task: Any, time: np.ndarray, q: np.ndarray) -> Meas
         model=model,
         task=task,
         weights=weights,
-        velocity_bounds=bounds,
+        coefficients=bounds,
         link_radius=float(getattr(task, "link_radius", 0.0)),
         **{name: np.asarray(values)[None] for name, values in rows.items()},
     )

@@ -98,7 +98,7 @@ def limited_values(task: Any, motion: MeasuredMotion, kind: str) -> np.ndarray:
 
     With differences="spline" velocities at the middles of intervals are Bernstein points.
     """
-    return np.asarray(getattr(motion.bounding if kind == "velocity" else motion, QUANTITIES[kind])[0])
+    return np.asarray(getattr(motion, "velocity_bounds" if kind == "velocity" else QUANTITIES[kind])[0])
 
 
 def limits_at(bounds: np.ndarray, samples: np.ndarray, t: np.ndarray) -> np.ndarray:
