@@ -19,7 +19,7 @@ from paretoik.verification.run_contents import RunContents, read_contents
 from paretoik.verification.verify_run import verify_run
 from studies.benchmarks.reliability.verifier.good_runs import ARM, BOTH
 
-LINE = pk.line((0.4678, 0.0), (0.0983, 0.1526), duration=1.0, samples=13)
+LINE = pk.line((0.4678, 0.0), (0.0983, 0.1526), duration=1.0, samples=31)
 
 
 @pytest.fixture(scope="module")
