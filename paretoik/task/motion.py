@@ -213,7 +213,9 @@ class Motion:
             return self
         time, _, spline = evaluate_with_midpoints(self.spline)
         q, dq, ddq = self._nodes
-        derivatives = replace(spline, dq=dq, ddq=ddq, velocity_bounds=dq + spline.velocity_bounds - spline.dq)
+        bounds = dq.copy()  # as a parabola's: v + h a / 2 of the sample before
+        bounds[..., 1::2, :] = dq[..., :-1:2, :] + np.diff(self.time)[..., None] / 2 * ddq[..., :-1:2, :]
+        derivatives = replace(spline, dq=dq, ddq=ddq, velocity_bounds=bounds)
         return replace(self, time=time, q=q, derivatives=derivatives)
 
     @property

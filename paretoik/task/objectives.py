@@ -223,7 +223,7 @@ def manipulability(motion: AnyMotion) -> AnyValues:
 @objective(unit="rad/s", form="peak")
 def peak_velocity(motion: AnyMotion) -> AnyValues:
     """Largest joint speed (prismatic joints in m/s), between the samples of a spline too."""
-    return np.max(np.abs(motion.velocity_bounds), axis=-1)
+    return np.max(np.maximum(np.abs(motion.dq), np.abs(motion.velocity_bounds)), axis=-1)
 
 
 @objective(unit="N m", form="peak")

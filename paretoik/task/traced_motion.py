@@ -79,13 +79,13 @@ class TracedMotion:
 
     @cached_property
     def velocity_bounds(self) -> TracedArray:
-        """As ``Motion.velocity_bounds``."""
+        """As ``Motion.velocity_bounds``, but at a sample that of the interval that follows."""
         if self.seconds is None or self.differences != "spline":
             return self.dq
-        share = np.zeros(len(self.task.instants))
-        share[1::2] = np.diff(self.task.times) ** 2 / 8  # the coefficient is v − h² q⃛ / 8 if v is that of the middle
-        factor: Any = self.trace.parameter(share) if self.trace.samples is not None else share[:, None]
-        return TracedArray(self.trace, self.dq.entries - self.jerk.entries * factor, shared=True)
+        half = np.zeros(len(self.task.instants))
+        half[:-1:2] = np.diff(self.task.times) / 2
+        factor: Any = self.trace.parameter(half) if self.trace.samples is not None else half[:, None]
+        return TracedArray(self.trace, self.dq.entries + self.ddq.entries * factor, shared=True)
 
     @property
     def weights(self) -> Any:

@@ -172,7 +172,7 @@ def _add_inner_velocities(functions: Functions) -> None:
     """Add the limits on the Bernstein coefficients of velocities between samples; see ``Motion.velocity_bounds``."""
     motion, task = functions.motion, functions.motion.task
     bounds = np.tile([-np.inf, np.inf], (len(task.instants), task.arm.dof, 1))
-    bounds[1::2] = np.broadcast_to(task.bounds_at("velocity", task.instants), bounds.shape)[1::2]
+    bounds[:-1:2] = np.broadcast_to(task.bounds_at("velocity", task.instants), bounds.shape)[1::2]
     values, ranges = motion.velocity_bounds.entries, task.limit_ranges("velocity", bounds)
     for j, joint in enumerate(task.arm.joint_names):
         if np.isfinite(bounds[:, j]).any():

@@ -234,11 +234,12 @@ def _tightened_bounds(
     units = np.where(rates, joint_scales(task.arm)[row % task.arm.dof], 1.0)
     sides, ranges, names = program.sides[:elastic], program.ranges[:elastic], np.array(program.inequality_names)
     slack = program.values(x).inequalities * ranges + sides * (program.bounds - before)[:elastic]
+    after = np.char.startswith(names, "velocity of ") & (row >= len(program.variables))  # of the interval that follows
     for name in dict.fromkeys(names.tolist()):
         for side, excess in zip((1.0, -1.0), _excess(task, name, curve), strict=True):
             chosen = np.flatnonzero((names == name) & (sides == side))
             padded = np.pad(_peaks(excess), (half, 2 * half), constant_values=-np.inf)
-            windows = sliding_window_view(padded, 2 * half + 1)[::half][instant[chosen]]
+            windows = sliding_window_view(padded, 2 * half + 1)[::half][instant[chosen] + after[chosen]]
             around, near = (
                 each.max(axis=1) / units[chosen] + margin * ranges[chosen]
                 for each in (windows, windows[:, half // 2 : -(half // 2)])

@@ -137,7 +137,7 @@ def _obstacle_clearance(motion: MeasuredMotion) -> np.ndarray:
 ABSOLUTE: dict[str, Callable[[MeasuredMotion], np.ndarray]] = {
     "mechanical_energy": lambda motion: motion.power,
     "joint_travel": lambda motion: motion.dq,
-    "peak_velocity": lambda motion: motion.velocity_bounds,
+    "peak_velocity": lambda motion: np.concatenate([motion.dq, motion.velocity_bounds], axis=-1),
     "peak_torque": lambda motion: motion.torque,
 }
 """Values (1, time, dof) whose absolute values are summed over joints, or whose largest absolute value counts."""
@@ -152,7 +152,7 @@ DEFINITIONS: dict[str, Callable[[MeasuredMotion], np.ndarray]] = {
     "joint_limit_nearness": _joint_limit_nearness,
     "velocity_limit_nearness": _velocity_limit_nearness,
     "manipulability": _manipulability,
-    "peak_velocity": lambda motion: np.abs(motion.velocity_bounds).max(axis=-1),
+    "peak_velocity": lambda motion: np.abs(ABSOLUTE["peak_velocity"](motion)).max(axis=-1),
     "peak_torque": lambda motion: np.abs(motion.torque).max(axis=-1),
     "jerk": _jerk,
     "obstacle_clearance": _obstacle_clearance,

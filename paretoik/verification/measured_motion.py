@@ -177,10 +177,8 @@ def measure(model: ArmModel, task: Any, time: np.ndarray, q: np.ndarray) -> Meas
 
     if differences == "spline":
         state = np.array(curve(t)), dq, ddq
-        # the velocity's Bernstein coefficient between two samples is v − h² q⃛ / 8, v in the middle
-        step = np.append(np.diff(time).repeat(2), 0.0)[:, None]
-        lower = np.where(np.arange(len(t))[:, None] % 2, step**2 / 8, 0.0) * jerk
         spline = measured((*state, jerk))
         q, dq, ddq = curve_states(model, task.tasks, state, t) if getattr(task, "tasks", ()) else state
-        bounds = (dq - lower)[None]
+        bounds = np.array(dq)[None]  # a parabola's coefficient is v + h a / 2 of the sample before
+        bounds[0, 1::2] += dq[:-1:2] + np.diff(time)[:, None] / 2 * ddq[:-1:2] - dq[1::2]
     return measured((q, dq, ddq, jerk), coefficients=bounds, of_spline=spline)
