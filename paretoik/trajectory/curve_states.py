@@ -1,12 +1,12 @@
 """What projects the instants of a task's spline onto its path, as arrays for ``compiled.curve_states``.
 
-Programs bound and minimise functions of the curve's state. Its first derivatives are exact. Second ones leave out how
-the directions of the projection turn: this counts times the spline's distance from the path.
+Programs bound and minimise functions of the curve's state. Its first derivatives are exact; of the second ones, what
+counts times the spline's distance from the path is left out.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -40,6 +40,7 @@ def curve_arrays(task: MotionTask) -> Curve:
         rates=rate_evaluator(arm, tasks).arrays,
         slopes=_slopes(arm, tasks).arrays,
         turns=_turns(arm, tasks).arrays,
+        twists=_twists(arm, tasks).arrays,
         targets=np.ascontiguousarray(targets[0]),
         inputs=np.concatenate([np.zeros((3 * arm.dof, len(targets[0]))), *(part.T for part in targets)]),
         row_scales=row_scales(arm, tasks),
@@ -73,16 +74,37 @@ def _turns(arm: Arm, tasks: Sequence[Task]) -> Evaluator:
     Its inputs are s, ṡ and s̈, then λ, λ̇ and λ̈.
     """
 
-    def build() -> tuple[Tape, list[int]]:
-        tape, n, rows = Tape(), arm.dof, sum(task.rows for task in tasks)
-        s, ds, dds = ([tape.input() for _ in range(n)] for _ in range(3))
-        factors, first, second = ([tape.input() for _ in range(rows)] for _ in range(3))
-        jacobian: list[Any] = [Expression(tape, i) for i in scaled_jacobian(tape, arm, tasks, s)]
-        sums = [as_entry(tape, sum((m * jacobian[i * n + j] for i, m in enumerate(factors)), 0.0)) for j in range(n)]
-        entries = [[value.index for value in part] for part in ([*s, *factors], [*ds, *first], [*dds, *second])]
-        moving = dict(zip(entries[0], entries[1], strict=True))
-        rates = tangents(tape, sums, moving)
-        bends = tangents(tape, rates, moving | dict(zip(entries[1], entries[2], strict=True)))
-        return tape, [slope for each in (*sums, *rates, *bends) for slope in gradient(tape, each, entries[0][:n])]
+    def sums(jacobian: list[Any], factors: list[Any]) -> list[Any]:
+        return [sum((m * jacobian[i * arm.dof + j] for i, m in enumerate(factors)), 0.0) for j in range(arm.dof)]
 
-    return cached_evaluator("turns", arm, tasks, build)
+    rows = sum(task.rows for task in tasks)
+    return cached_evaluator("turns", arm, tasks, lambda: _trace_slopes(arm, tasks, rows, sums))
+
+
+def _twists(arm: Arm, tasks: Sequence[Task]) -> Evaluator:
+    """Return the evaluator of the slopes of J ρ and its first and second derivatives by s.
+
+    Its inputs are s, ṡ and s̈, then ρ, ρ̇ and ρ̈.
+    """
+
+    def sums(jacobian: list[Any], factors: list[Any]) -> list[Any]:
+        rows = range(0, len(jacobian), arm.dof)
+        return [sum((m * jacobian[i + j] for j, m in enumerate(factors)), 0.0) for i in rows]
+
+    return cached_evaluator("twists", arm, tasks, lambda: _trace_slopes(arm, tasks, arm.dof, sums))
+
+
+def _trace_slopes(
+    arm: Arm, tasks: Sequence[Task], count: int, sums: Callable[[list[Any], list[Any]], list[Any]]
+) -> tuple[Tape, list[int]]:
+    """Return slopes by s of sums of J with so many factors, and of their first and second derivatives."""
+    tape, n = Tape(), arm.dof
+    s, ds, dds = ([tape.input() for _ in range(n)] for _ in range(3))
+    factors, first, second = ([tape.input() for _ in range(count)] for _ in range(3))
+    jacobian: list[Any] = [Expression(tape, i) for i in scaled_jacobian(tape, arm, tasks, s)]
+    values = [as_entry(tape, each) for each in sums(jacobian, factors)]
+    entries = [[value.index for value in part] for part in ([*s, *factors], [*ds, *first], [*dds, *second])]
+    moving = dict(zip(entries[0], entries[1], strict=True))
+    rates = tangents(tape, values, moving)
+    bends = tangents(tape, rates, moving | dict(zip(entries[1], entries[2], strict=True)))
+    return tape, [slope for each in (*values, *rates, *bends) for slope in gradient(tape, each, entries[0][:n])]

@@ -11,9 +11,13 @@ from scipy import sparse
 from paretoik.nlp.conic import Cone, stack_rows, structural_product
 from paretoik.robot.scales import joint_scales
 from paretoik.task.retraction import retract, row_space_basis
-from paretoik.trajectory.compiled.curve_states import linearise_instants
+from paretoik.trajectory.compiled.curve_states import (
+    add_twist,
+    chain_gradient,
+    curve_multipliers,
+    linearise_instants,
+)
 from paretoik.trajectory.curve_states import curve_arrays
-from paretoik.trajectory.lagrangian import lagrangian_hessian, whole_basis
 from paretoik.trajectory.program import MotionProgram, MotionValues
 
 
@@ -23,8 +27,9 @@ class MotionLinearisation:
 
     Columns are steps of the self-motion, slides in lengths of the arm, then slack and epigraph variables of samples,
     peaks and functions of the whole motion. Sample s moves by ``normal``[s] times its own unknowns, the null space of
-    the tasks' ``path_jacobian``. ``basis`` (variables · instants, columns) says how all variables move,
-    ``function_gradients`` are those of the functions of an instant by its variables.
+    the tasks' ``path_jacobian``. ``basis`` (variables · instants, columns) says how all variables move, ``spline`` how
+    the spline's state does and ``samples`` (dof · time, columns) how q does; ``function_gradients`` are those of the
+    functions of an instant by its variables, ``sample_inputs`` are those of evaluators at the samples.
     """
 
     program: MotionProgram
@@ -33,7 +38,10 @@ class MotionLinearisation:
     normal: Float[np.ndarray, "time dof redundancy"]
     path_jacobian: Float[np.ndarray, "time rows dof"]
     basis: sparse.csr_array
+    spline: sparse.csr_array
+    samples: sparse.csr_array
     function_gradients: Float[np.ndarray, "functions variables instants"]
+    sample_inputs: Float[np.ndarray, "inputs time"]
     gradients: Float[np.ndarray, "objectives columns"]
     inequalities: Float[np.ndarray, " inequalities"]
     jacobian: sparse.csr_array
@@ -76,17 +84,7 @@ class MotionLinearisation:
         cone_multipliers: tuple[np.ndarray, ...] = (),
     ) -> sparse.csr_array:
         """Return the Hessian (columns, columns) of the Lagrangian, the path's curvature included."""
-        return lagrangian_hessian(
-            self.program,
-            self.values.inputs,
-            self.values.curve,
-            self.basis,
-            self.function_gradients,
-            self.path_jacobian,
-            weights,
-            multipliers,
-            cone_multipliers,
-        )
+        return _lagrangian_hessian(self, weights, multipliers, cone_multipliers)
 
     def displacement(self, step: Float[np.ndarray, " columns"]) -> Float[np.ndarray, "time dof"]:
         """Return how positions move, to first order, with a step."""
@@ -153,9 +151,8 @@ def linearise(program: MotionProgram, q: Float[np.ndarray, "time dof"]) -> Motio
     functions = len(slopes) - len(sparsity.rows)
     function_gradients = np.zeros((functions, len(program.variables), instants))
     function_gradients[sparsity.rows, sparsity.columns] = slopes[functions:]
-    basis, columns = _basis(
-        program, values.curve.chain, normal, sum(each.epigraph_columns for each in program.whole_functions)
-    )
+    wholes = sum(each.epigraph_columns for each in program.whole_functions)
+    basis, spline, columns = _basis(program, values.curve.chain, normal, wholes)
     gradients, ties, tie_rows, cones = _whole_functions(program, values, basis, columns)
     for k, total in enumerate(program.totals):
         if total.kind == "sum":
@@ -169,7 +166,10 @@ def linearise(program: MotionProgram, q: Float[np.ndarray, "time dof"]) -> Motio
         normal=normal,
         path_jacobian=path_jacobian,
         basis=basis,
+        spline=spline,
+        samples=_sample_basis(program, normal, columns),
         function_gradients=function_gradients,
+        sample_inputs=inputs,
         gradients=gradients,
         inequalities=np.concatenate([values.inequalities, values.ties, *ties]),
         jacobian=stack_rows([_limit_rows(program, function_gradients, basis), *tie_rows]),
@@ -177,31 +177,41 @@ def linearise(program: MotionProgram, q: Float[np.ndarray, "time dof"]) -> Motio
     )
 
 
-def _basis(program: MotionProgram, chain: np.ndarray, normal: np.ndarray, wholes: int) -> tuple[sparse.csr_array, int]:
-    """Return how variables (variables · instants) change with the columns, and how many columns there are."""
-    stencil, instants, (_, n, r) = program.stencil, len(program.task.instants), normal.shape
-    variables, orders = len(program.variables), stencil.orders
+def _basis(
+    program: MotionProgram, chain: np.ndarray, normal: np.ndarray, wholes: int
+) -> tuple[sparse.csr_array, sparse.csr_array, int]:
+    """Return how variables (variables · instants) and the spline's state change with the columns, and their number."""
+    stencil, instants, r = program.stencil, len(program.task.instants), normal.shape[2]
+    columns = stencil.unknowns + program.slacks * instants + program.peaks + wholes
+    begin = stencil.first_unknown[stencil.neighbours]
     moves = np.einsum("oik,ikja->ojika", stencil.coefficients, normal[stencil.neighbours])
-    splines, moving = moves, stencil.coefficients != 0
-    if len(chain):
-        moves = np.einsum("iab,bikc->aikc", chain, moves.reshape(-1, *moves.shape[2:]))
-        moves, moving = moves.reshape(orders, n, *moves.shape[1:]), np.broadcast_to(moving.any(axis=0), moving.shape)
-    begin = stencil.first_unknown[stencil.neighbours][..., None] + np.arange(r)  # (instants, width, r)
-    if program.rates > program.states:  # those of the spline
-        moves, moving = np.concatenate([moves, splines]), np.concatenate([moving, moving])
-    row = np.arange(program.rates * instants).reshape(-1, n, instants)
-    rows = np.broadcast_to(row[..., None, None], moves.shape)
-    places = np.broadcast_to(begin, moves.shape)
-    moving = moving & (stencil.first_unknown[stencil.neighbours] >= 0)
-    free = np.broadcast_to(moving[:, None, :, :, None], moves.shape)
-    slacks, peaks = np.arange(program.slacks * instants), np.arange(program.peaks * instants)
-    columns = stencil.unknowns + len(slacks) + program.peaks + wholes
-    entries = np.concatenate([moves[free], np.ones(len(slacks) + len(peaks))])
-    row = np.concatenate([rows[free], program.rates * instants + np.arange(len(slacks) + len(peaks))])
-    column = np.concatenate(
-        [places[free], stencil.unknowns + slacks, stencil.unknowns + len(slacks) + peaks // instants]
-    )
-    return sparse.csr_array(sparse.coo_array((entries, (row, column)), shape=(variables * instants, columns))), columns
+    moves = moves.reshape(-1, *moves.shape[2:])  # (states, instants, width, r)
+    places = np.broadcast_to(begin[..., None] + np.arange(r), moves.shape)
+    rows = np.broadcast_to(np.arange(len(moves) * instants).reshape(-1, instants, 1, 1), moves.shape)
+    free = np.broadcast_to(((begin >= 0) & (stencil.coefficients != 0).any(axis=0))[..., None], moves.shape)
+
+    def matrix(entries: np.ndarray) -> sparse.coo_array:
+        return sparse.coo_array((entries[free], (rows[free], places[free])), shape=(moves[..., 0, 0].size, columns))
+
+    spline = matrix(moves)
+    parts = [matrix(np.einsum("iab,bikc->aikc", chain, moves)) if len(chain) else spline]
+    parts += [spline] * (program.rates > program.states)
+    slacks, peaks = program.slacks * instants, np.arange(program.peaks * instants)
+    column = stencil.unknowns + np.concatenate([np.arange(slacks), slacks + peaks // instants])
+    ones = (np.ones(len(column)), (np.arange(len(column)), column))
+    parts.append(sparse.coo_array(ones, shape=(len(column), columns)))
+    return sparse.csr_array(sparse.vstack(parts)), sparse.csr_array(spline), columns
+
+
+def _sample_basis(program: MotionProgram, normal: np.ndarray, columns: int) -> sparse.csr_array:
+    """Return how q (dof · time) changes with the columns."""
+    samples, n, r = normal.shape
+    begin = program.stencil.first_unknown
+    entries = np.where((begin >= 0)[:, None, None], normal, 0.0).transpose(1, 0, 2)
+    rows = np.broadcast_to(np.arange(n * samples).reshape(n, samples, 1), entries.shape)
+    places = np.broadcast_to(np.maximum(begin, 0)[:, None] + np.arange(r), entries.shape)
+    shape = (n * samples, columns)
+    return sparse.coo_array((entries.ravel(), (rows.ravel(), places.ravel())), shape=shape).tocsr()
 
 
 def _whole_functions(
@@ -212,7 +222,7 @@ def _whole_functions(
     ties, tie_rows, cones = list[np.ndarray](), list[sparse.csr_array](), list[Cone]()
     if not program.whole_functions:
         return gradients, ties, tie_rows, cones
-    inputs_by_columns, u = whole_basis(program, basis), program.whole_inputs(values.inputs)
+    inputs_by_columns, u = _whole_basis(program, basis), program.whole_inputs(values.inputs)
     column = columns - sum(each.epigraph_columns for each in program.whole_functions)
     for k, total in enumerate(program.totals):
         if total.kind != "whole":
@@ -258,3 +268,132 @@ def _limit_rows(program: MotionProgram, function_gradients: np.ndarray, basis: s
     columns = np.concatenate([which[simple] * instants + at[simple], v * instants + at[i[k]]])
     by_variables = sparse.coo_array((entries, (rows, columns)), shape=(len(which), variables * instants))
     return structural_product(by_variables.tocsr(), basis)
+
+
+def _lagrangian_hessian(
+    at: MotionLinearisation, weights: np.ndarray, multipliers: np.ndarray, cone_multipliers: tuple[np.ndarray, ...]
+) -> sparse.csr_array:
+    """Return the Hessian (columns, columns) of weights · F + ν · h − multipliers · c − cone_multipliers · cones.
+
+    The path's multipliers ν are those that leave no gradient in the row space of its Jacobian. Of a spline h are also
+    the equations of its instants, with their first and second derivatives.
+    """
+    p, curve, path_jacobian = at.program, at.values.curve, at.path_jacobian
+    _functions, variables, instants = at.function_gradients.shape
+    orders, n = p.stencil.orders, p.task.arm.dof
+    by_limit, by_part = _part_multipliers(p, weights, multipliers, cone_multipliers)
+    factors, by_variable = _function_weights(p, weights, by_limit, at.function_gradients.shape)
+    by_variable += np.einsum("fs,fvs->vs", factors, at.function_gradients)
+    gradient = by_variable[: p.states].reshape(orders, n, instants).swapaxes(1, 2).ravel()
+    u = p.whole_inputs(at.values.inputs)
+    for each, part in zip(p.whole_functions, by_part, strict=True):
+        gradient = gradient + (each.jacobian(u).T @ part)[: len(gradient)]
+    by_curve = np.ascontiguousarray(gradient.reshape(orders, instants, n).swapaxes(1, 2)).reshape(-1, instants)
+    by_spline = np.empty_like(by_curve)
+    chain_gradient(curve, np.concatenate([by_curve, by_variable[p.states : p.rates]]), by_spline)
+    by_position = _by_positions(p, by_spline.reshape(orders, n, instants), len(path_jacobian))
+    right = -np.einsum("trj,tj->tr", path_jacobian, by_position)
+    square = path_jacobian @ np.swapaxes(path_jacobian, -1, -2)
+    inputs, (first, last) = at.values.inputs.copy(), p.evaluators.multipliers[:2]
+    at_samples = at.sample_inputs.copy()
+    at_samples[first : first + p.task.rows] = np.linalg.solve(square, right[..., None])[..., 0].T
+    by_sample = p.evaluators.path_hessian(at_samples).reshape(n, n, -1).transpose(2, 0, 1)
+    if p.task.differences == "spline":
+        curve_multipliers(curve_arrays(p.task), curve, by_curve, inputs[first + p.task.rows : last])
+    inputs[last:] = factors
+    hessian = at.basis.T @ (_by_variables(p, p.evaluators.hessian(inputs), variables, instants) @ at.basis)
+    hessian = hessian + at.samples.T @ (_block_diagonal(by_sample) @ at.samples)
+    if p.task.differences == "spline":
+        twist = np.zeros((instants, p.states, p.states))
+        for i in range(instants):
+            add_twist(curve, i, twist[i])
+        hessian = hessian + at.spline.T @ (_block_diagonal(twist) @ at.spline)
+    if p.whole_functions:
+        unknowns = p.stencil.unknowns
+        directions = _whole_basis(p, at.basis)[:, :unknowns]
+        for each, part in zip(p.whole_functions, by_part, strict=True):
+            dense = each.hessian_along(u, directions, part)
+            hessian = hessian + sparse.csr_array(np.pad(dense, (0, at.basis.shape[1] - unknowns)))
+    return sparse.csr_array(hessian)
+
+
+def _whole_basis(program: MotionProgram, basis: sparse.csr_array) -> sparse.csr_array:
+    """Return how the inputs of functions of the whole motion change with the columns."""
+    orders, n, instants = program.stencil.orders, program.task.arm.dof, len(program.task.instants)
+    order = np.arange(orders * n * instants).reshape(orders, n, instants).swapaxes(1, 2).ravel()
+    rows = basis[order]
+    rows.resize((4 * n * instants, basis.shape[1]))
+    return rows
+
+
+def _part_multipliers(
+    program: MotionProgram, weights: np.ndarray, multipliers: np.ndarray, cone_multipliers: tuple[np.ndarray, ...]
+) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Return the multipliers of limits and ties of samples, in their own units, and of the parts of every whole."""
+    count, elastic = len(program.sides), program.elastic
+    by_limit = np.concatenate([multipliers[:elastic] / program.ranges[:elastic], multipliers[elastic:count]])
+    by_part, tie, cone = list[np.ndarray](), count, 0
+    totals = {
+        total.index: weight for total, weight in zip(program.totals, weights, strict=True) if total.kind == "whole"
+    }
+    for k, each in enumerate(program.whole_functions):
+        part = np.zeros(each.parts)
+        for group in each.slices:
+            if group.stop - group.start == 1:
+                part[group] = totals[k]
+                continue
+            part[group] = multipliers[tie : tie + group.stop - group.start]
+            tie += group.stop - group.start
+        if not len(each.groups):
+            part = each.factor * np.asarray(cone_multipliers[cone]) if cone_multipliers else part
+            cone += 1
+        by_part.append(part)
+    return by_limit, by_part
+
+
+def _function_weights(
+    program: MotionProgram, weights: np.ndarray, by_limit: np.ndarray, shape: tuple[int, int, int]
+) -> tuple[Float[np.ndarray, "functions instants"], Float[np.ndarray, "variables instants"]]:
+    """Return the Lagrangian's weights of all functions of an instant, and those of the variables that limits bound."""
+    functions, variables, instants = shape
+    factors, by_variable = np.zeros((functions, instants)), np.zeros((variables, instants))
+    for total, weight in zip(program.totals, weights, strict=True):
+        if total.kind == "sum":
+            factors[total.index] += weight * program.task.weights
+    which, at = program.limited.T
+    rows = which >= variables
+    np.add.at(factors, (program.sums + which[rows] - variables, at[rows]), -program.sides[rows] * by_limit[rows])
+    np.add.at(by_variable, (which[~rows], at[~rows]), -program.sides[~rows] * by_limit[~rows])
+    return factors, by_variable
+
+
+def _by_positions(
+    program: MotionProgram, by_u: Float[np.ndarray, "orders dof instants"], samples: int
+) -> Float[np.ndarray, "time dof"]:
+    """Return what a gradient by positions and rates of all instants is by positions of the samples."""
+    shares = np.einsum("oik,oji->ikj", program.stencil.coefficients, by_u)
+    gradient = np.zeros((samples, by_u.shape[1]))
+    np.add.at(gradient, program.stencil.neighbours, shares)
+    return gradient
+
+
+def _by_variables(
+    program: MotionProgram, seconds: Float[np.ndarray, "entries instants"], variables: int, instants: int
+) -> sparse.csr_array:
+    """Return second derivatives by the variables of all instants as a symmetric matrix."""
+    i, j = program.evaluators.hessian_sparsity.rows, program.evaluators.hessian_sparsity.columns
+    s = np.arange(instants)
+    row, column = (i[:, None] * instants + s).ravel(), (j[:, None] * instants + s).ravel()
+    off = np.repeat(i != j, instants)
+    places = np.concatenate([row, column[off]]), np.concatenate([column, row[off]])
+    entries = np.concatenate([seconds.ravel(), seconds.ravel()[off]])
+    return sparse.coo_array((entries, places), shape=(variables * instants,) * 2).tocsr()
+
+
+def _block_diagonal(seconds: Float[np.ndarray, "blocks entries entries"]) -> sparse.csr_array:
+    """Return matrices on the diagonal of one whose rows are entry first, block second."""
+    blocks, entries, _ = seconds.shape
+    places = np.arange(entries * blocks).reshape(entries, blocks).T
+    row, column = np.broadcast_arrays(places[:, :, None], places[:, None, :])
+    shape = (entries * blocks,) * 2
+    return sparse.coo_array((seconds.ravel(), (row.ravel(), column.ravel())), shape=shape).tocsr()

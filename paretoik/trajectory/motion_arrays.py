@@ -32,6 +32,7 @@ def motion_kernel(program: MotionProgram) -> MotionKernel:
         second_i=evaluators.hessian_sparsity.rows,
         second_j=evaluators.hessian_sparsity.columns,
         track=evaluators.path.arrays,
+        track_curvature=evaluators.path_hessian.arrays,
         curve=curve_arrays(program.task),
         kinked=program.rates > program.states,
         neighbours=stencil.neighbours,

@@ -49,11 +49,12 @@ class Evaluators:
     """Compiled functions of a sample and their derivatives: sums first, then rows.
 
     ``inputs`` counts their inputs: u, then v and σ at ``auxiliary``, parameters, and from ``multipliers`` on those of
-    path equations, sums and rows. ``slack`` gives the ``slacks`` v that the point implies, ``ties`` rows bound them, a
-    pair each, from below where its entry of ``signs`` is 1, from above where it is −1;
-    ``kink_operands`` gives, a pair each, what meets at a kink that no slack stands for, of the function that ``kinked``
-    says; ``value`` gives sums and rows; ``gradient`` these, then the entries of their gradients by variables;
-    ``hessian`` the entries of that of the Lagrangian by u and v; ``path`` the path equations and their Jacobian by q.
+    path equations (of a sample, then of an instant of a curve), sums and rows. ``slack`` gives the ``slacks`` v that
+    the point implies, ``ties`` rows bound them, a pair each, from below where its entry of ``signs`` is 1, from above
+    where it is −1; ``kink_operands`` gives, a pair each, what meets at a kink that no slack stands for, of the function
+    that ``kinked`` says; ``value`` gives sums and rows; ``gradient`` these, then the entries of their gradients by
+    variables; ``hessian`` the entries of that of the Lagrangian by u and v; ``path`` the path equations of a sample and
+    their Jacobian by q; ``path_hessian`` (dof, dof) that of their sum by q, each times its multiplier.
     """
 
     inputs: int
@@ -71,6 +72,7 @@ class Evaluators:
     hessian: Evaluator
     hessian_sparsity: Sparsity
     path: Evaluator
+    path_hessian: Evaluator
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

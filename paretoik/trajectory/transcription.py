@@ -13,7 +13,7 @@ from paretoik.autodiff.differentiation import dependencies, gradient, hessian, t
 from paretoik.autodiff.evaluator import compile_evaluator
 from paretoik.autodiff.kinks import Reformulation, reformulate_choices, reformulate_kinks, remaining_kinks
 from paretoik.autodiff.operations import Op
-from paretoik.autodiff.tape import Expression, as_entry
+from paretoik.autodiff.tape import Expression, Tape, as_entry
 from paretoik.errors import InvalidInput
 from paretoik.robot.scales import joint_scales
 from paretoik.task.motion_task import MotionTask
@@ -106,17 +106,17 @@ def _differentiate(functions: Functions, path: list[int]) -> Evaluators:
     smooth = _reformulate(functions)
     entries = [*smooth.functions, *smooth.constraints]
     kinks = remaining_kinks(tape, smooth, functions.distances)
-    multipliers = len(tape.inputs) + np.cumsum([0, len(path), len(functions.sums)])
-    lagrangian: Any = 0.0
-    factors = [tape.input() for _ in range(len(path) + len(entries))]
-    for factor, f in zip(factors, (*path, *entries), strict=True):
-        lagrangian = lagrangian + factor * Expression(tape, f)
+    task = functions.motion.task
+    equations, of_curve = path[: task.rows], path if task.differences == "spline" else []
+    multipliers = len(tape.inputs) + np.cumsum([0, task.rows + len(of_curve), len(functions.sums)])
+    at_samples = _weighted_sum(tape, equations)
+    lagrangian = _weighted_sum(tape, [*of_curve, *entries])
     u, auxiliary = list(tape.inputs[: 8 * n]), [*smooth.epigraph_variables, *functions.epigraph_variables]
     gradients = [gradient(tape, f, [*u, *auxiliary]) for f in entries]
     zero = tape.constant(0.0)
     slopes = {(k, j): slope for k, row in enumerate(gradients) for j, slope in enumerate(row) if slope != zero}
-    second = hessian(tape, as_entry(tape, lagrangian), [*u, *smooth.epigraph_variables])
-    equations = path[: functions.motion.task.rows]
+    second = hessian(tape, lagrangian, [*u, *smooth.epigraph_variables])
+    turns = hessian(tape, at_samples, u[:n])
     jacobian = [slope for h in equations for slope in gradient(tape, h, u[:n])]
     return Evaluators(
         inputs=len(tape.inputs),
@@ -134,7 +134,14 @@ def _differentiate(functions: Functions, path: list[int]) -> Evaluators:
         hessian=compile_evaluator(tape, list(second.values())),
         hessian_sparsity=_sparsity(list(second)),
         path=compile_evaluator(tape, [*equations, *jacobian]),
+        path_hessian=compile_evaluator(tape, [turns.get((max(k), min(k)), zero) for k in np.ndindex(n, n)]),
     )
+
+
+def _weighted_sum(tape: Tape, entries: list[int]) -> int:
+    """Return the sum of entries, each times a multiplier that is a new input."""
+    factors = [tape.input() for _ in entries]
+    return as_entry(tape, sum((m * Expression(tape, f) for m, f in zip(factors, entries, strict=True)), 0.0))
 
 
 def _reformulate(functions: Functions) -> Reformulation:

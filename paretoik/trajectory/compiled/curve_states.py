@@ -8,7 +8,11 @@ the joint scales: q = s + D λ, so that the path equations g(q, t), ġ and g̈ v
     δq̇₀ = δṡ + δ(D λ)˙ + Ḋ δλ,           δq̇ = Π δq̇₀ − K B δq,              δλ̇ = −G (J δq̇₀ + B δq),
     δq̈₀ = δs̈ + δ(D λ)¨ + D̈ δλ + 2 Ḋ δλ̇,  δq̈ = Π δq̈₀ − K (C δq + 2 B δq̇).
 
+The derivatives by s, ṡ and s̈ are those of a function of s and t, differentiated by time: ∂q̇/∂ṡ = ∂q/∂s, and so on.
+
 Second derivatives are those of the Lagrangian with multipliers of g, ġ and g̈ that leave no gradient by λ, λ̇ and λ̈.
+If r is its gradient by q, q̇ and q̈, what turns with s is P = Σ r · (D λ)⁽ᵒ⁾: it adds the mixed derivatives
+∂²P/∂s∂λ δλ twice. Those by s alone are left out: they count times λ, the spline's distance from the path.
 """
 
 from __future__ import annotations
@@ -31,6 +35,7 @@ class Curve(NamedTuple):
     rates: tuple[np.ndarray, ...]  # of J, ġ and g̈
     slopes: tuple[np.ndarray, ...]  # of J, B and C
     turns: tuple[np.ndarray, ...]  # of the slopes of Jᵀ λ, (Jᵀ λ)˙ and (Jᵀ λ)¨ by s
+    twists: tuple[np.ndarray, ...]  # of the slopes of J ρ, (J ρ)˙ and (J ρ)¨ by s
     targets: np.ndarray  # (instants, numbers)
     inputs: np.ndarray  # (3 dof + 3 numbers, instants): targets and their derivatives, below room for the state
     row_scales: np.ndarray  # (rows,)
@@ -51,6 +56,9 @@ class CurveWork(NamedTuple):
     gains: np.ndarray  # (3, instants, dof, rows): K = D G, Ḋ G and D̈ G
     bends: np.ndarray  # (3, instants, rows, dof): J, B and C
     chain: np.ndarray  # (instants, variables, variables): derivatives of the curve's state by that of the spline
+    moves: np.ndarray  # (3, instants, rows, dof): derivatives of λ, λ̇ and λ̈ by s
+    left: np.ndarray  # (3, instants, dof): gradient r of the Lagrangian by q, q̇ and q̈
+    twist: np.ndarray  # (3, instants, dof, dof): Q₀, Q₁ and Q₂ of the mixed derivatives by the spline's state
 
 
 @compiled
@@ -69,6 +77,9 @@ def allocate_curve(curve, variables):
         np.zeros((3, instants, n, rows)),
         np.zeros((3, instants, rows, n)),
         np.zeros((instants, variables, variables)),
+        np.zeros((3, instants, rows, n)),
+        np.zeros((3, instants, n)),
+        np.zeros((3, instants, n, n)),
     )
 
 
@@ -134,14 +145,14 @@ def linearise_instants(curve, work):
             places[o * n : (o + 1) * n, p] = work.spline[o, p]
             places[3 * n + o * rows : 3 * n + (o + 1) * rows, p] = work.multipliers[o, p]
     run(curve.turns, places, turns)
-    free, held, along = np.empty((n, n)), np.empty((3, 3, n, n)), np.empty((rows, n))
-    moved, rates = np.empty((2, rows, n)), np.empty((3, 3, n, n))
+    free, held, along = np.empty((n, n)), np.empty((3, n, n)), np.empty((rows, n))
+    rates = np.empty((3, n, n))
     for p in range(instants):
         if not work.on_path[p]:
             _keep_spline(work, p)
             continue
         jacobian, velocity, acceleration = work.bends[0, p], work.bends[1, p], work.bends[2, p]
-        gain, turn, bend = work.gains[0, p], work.directions[1, p], work.directions[2, p]
+        gain, turn, bend, moves = work.gains[0, p], work.directions[1, p], work.directions[2, p], work.moves[:, p]
         for o in range(3):
             for i in range(rows):
                 for j in range(n):
@@ -152,31 +163,28 @@ def linearise_instants(curve, work):
             _add_product(work.directions[o, p], inverse, 1.0, work.gains[o, p])
         free[:] = 0.0
         _add_product(gain, jacobian, -1.0, free)
-        held[:], rates[:], moved[:] = 0.0, 0.0, 0.0
+        rates[:], moves[:] = 0.0, 0.0
         for i in range(n):
             free[i, i] += 1.0
             for j in range(n):
-                square = curve.scales[i] ** 2
-                held[0, 0, i, j] = square * turns[i * n + j, p] + (1.0 if i == j else 0.0)
-                held[1, 0, i, j] = square * turns[(n + i) * n + j, p]
-                held[2, 0, i, j] = square * turns[(2 * n + i) * n + j, p]
-                held[2, 1, i, j] = 2 * held[1, 0, i, j]
-        _add_product(free, held[0, 0], 1.0, rates[0, 0])
-        _move(inverse, jacobian, held[0, 0], along, moved[0])
-        _add_product(turn, moved[0], 1.0, held[1, 0])
-        _add_product(free, held[1, 0], 1.0, rates[1, 0])
-        _add_bend(gain, velocity, -1.0, rates[0, 0], along, rates[1, 0])
-        _move(inverse, jacobian, held[1, 0], along, moved[1])
-        _add_bend(inverse, velocity, -1.0, rates[0, 0], along, moved[1])
-        _add_product(bend, moved[0], 1.0, held[2, 0])
-        _add_product(turn, moved[1], 2.0, held[2, 0])
-        _add_product(turn, moved[0], 2.0, held[2, 1])
-        _add_product(free, held[2, 0], 1.0, rates[2, 0])
-        _add_bend(gain, acceleration, -1.0, rates[0, 0], along, rates[2, 0])
-        _add_bend(gain, velocity, -2.0, rates[1, 0], along, rates[2, 0])
-        _add_product(free, held[2, 1], 1.0, rates[2, 1])
-        _add_bend(gain, velocity, -2.0, rates[0, 0], along, rates[2, 1])
-        rates[1, 1] = rates[2, 2] = rates[0, 0]
+                for o in range(3):
+                    held[o, i, j] = curve.scales[i] ** 2 * turns[(o * n + i) * n + j, p]
+            held[0, i, i] += 1.0
+        _add_product(free, held[0], 1.0, rates[0])
+        _move(inverse, jacobian, held[0], along, moves[0])
+        _add_product(turn, moves[0], 1.0, held[1])
+        _add_product(free, held[1], 1.0, rates[1])
+        _add_bend(gain, velocity, -1.0, rates[0], along, rates[1])
+        _move(inverse, jacobian, held[1], along, moves[1])
+        _add_bend(inverse, velocity, -1.0, rates[0], along, moves[1])
+        _add_product(bend, moves[0], 1.0, held[2])
+        _add_product(turn, moves[1], 2.0, held[2])
+        _add_product(free, held[2], 1.0, rates[2])
+        _add_bend(gain, acceleration, -1.0, rates[0], along, rates[2])
+        _add_bend(gain, velocity, -2.0, rates[1], along, rates[2])
+        _move(inverse, jacobian, held[2], along, moves[2])
+        _add_bend(inverse, acceleration, -1.0, rates[0], along, moves[2])
+        _add_bend(inverse, velocity, -2.0, rates[1], along, moves[2])
         _write_chain(curve, rates, work.chain[p])
 
 
@@ -205,7 +213,7 @@ def _move(inverse, jacobian, held, along, moved):
 @compiled
 def _keep_spline(work, p):
     """Write the derivatives of an instant whose state is that of the spline."""
-    work.gains[:, p], work.bends[:, p] = 0.0, 0.0
+    work.gains[:, p], work.bends[:, p], work.moves[:, p] = 0.0, 0.0, 0.0
     for a in range(work.chain.shape[1]):
         for b in range(work.chain.shape[1]):
             work.chain[p, a, b] = 1.0 if a == b else 0.0
@@ -228,15 +236,19 @@ def _add_bend(gain, bend, factor, moves, along, out):
 
 
 @compiled
-def _write_chain(curve, blocks, chain):
-    """Write the derivatives of one instant, joints divided by their scales; jerks are those of the spline."""
+def _write_chain(curve, rates, chain):
+    """Write the derivatives of one instant from ∂q/∂s, ∂q̇/∂s and ∂q̈/∂s, joints divided by their scales.
+
+    Jerks are those of the spline.
+    """
     n, variables = len(curve.scales), len(chain)
     for o in range(min(variables // n, 3)):
         for k in range(o + 1):
+            factor = 2.0 if o == 2 and k == 1 else 1.0
             for i in range(n):
-                unit = 1.0 / curve.scales[i]
+                unit = factor / curve.scales[i]
                 for j in range(n):
-                    chain[o * n + i, k * n + j] = blocks[o, k, i, j] * curve.scales[j] * unit
+                    chain[o * n + i, k * n + j] = rates[o - k, i, j] * curve.scales[j] * unit
     for a in range(3 * n, variables):
         chain[a, a] = 1.0
 
@@ -276,14 +288,15 @@ def chain_gradient(work, gradient, out):
 
 
 @compiled
-def add_curve_multipliers(curve, work, gradient, multipliers):
-    """Add the multipliers (orders · rows, instants) of g, ġ and g̈ that belong to a gradient by the curve's state.
+def curve_multipliers(curve, work, gradient, multipliers):
+    """Write the multipliers (orders · rows, instants) of g, ġ and g̈ that belong to a gradient by the curve's state.
 
     They leave no gradient by λ, λ̇ and λ̈.
     """
     _, instants, n, rows = work.directions.shape
-    orders, left, found = min(gradient.shape[0] // n, 3), np.zeros((3, n)), np.zeros((3, rows))
+    orders, found = min(gradient.shape[0] // n, 3), np.zeros((3, rows))
     for p in range(instants):
+        left = work.left[:, p]
         for o in range(orders - 1, -1, -1):
             for j in range(n):  # before g of this order has its part
                 left[o, j] = gradient[o * n + j, p] / curve.scales[j]
@@ -297,7 +310,52 @@ def add_curve_multipliers(curve, work, gradient, multipliers):
                     factor = -2.0 if o == 1 and higher == 2 else -1.0
                     for j in range(n):
                         found[o, i] += factor * work.gains[higher - o, p, j, i] * left[higher, j]
-                multipliers[o * rows + i, p] += found[o, i]
+                multipliers[o * rows + i, p] = found[o, i]
             for j in range(n):
                 for i in range(rows):
                     left[o, j] += work.bends[0, p, i, j] * found[o, i]
+    _write_twist(curve, work)
+
+
+@compiled
+def _write_twist(curve, work):
+    """Write the mixed derivatives of P by the spline's state and multipliers, times how the latter move.
+
+    P is the second derivative by time of ρᵀ W² Jᵀ λ, if ρ, ρ̇ and ρ̈ are r₂, r₁ / 2 and r₀. With L = ∂λ/∂s and
+    U = ∂(J ρ)/∂s, it is the symmetric part of (2 Uᵀ L)⁽ᵒ⁾.
+    """
+    _, instants, n, rows = work.directions.shape
+    places, slopes = np.empty((6 * n, instants)), np.empty((3 * rows * n, instants))
+    for o in range(3):
+        for p in range(instants):
+            places[o * n : (o + 1) * n, p] = work.spline[o, p]
+            for j in range(n):
+                weight = curve.scales[j] ** 2 * (0.5 if o == 1 else 1.0)
+                places[(3 + o) * n + j, p] = weight * work.left[2 - o, p, j]
+    run(curve.twists, places, slopes)
+    half = np.empty((n, n))
+    for p in range(instants):
+        for o in range(3):
+            half[:] = 0.0
+            for k in range(o + 1):
+                factor = 2.0 if o == 2 and k == 1 else 1.0
+                for i in range(rows):
+                    for a in range(n):
+                        slope = factor * slopes[((o - k) * rows + i) * n + a, p]
+                        for b in range(n):
+                            half[a, b] += slope * work.moves[k, p, i, b]
+            for a in range(n):
+                for b in range(n):
+                    work.twist[o, p, a, b] = (half[a, b] + half[b, a]) * curve.scales[a] * curve.scales[b]
+
+
+@compiled
+def add_twist(work, p, phi):
+    """Add to second derivatives by the spline's state what the turning of the directions adds at an instant."""
+    n = work.twist.shape[2]
+    for o in range(min(len(phi) // n, 3)):
+        for k in range(min(len(phi) // n, 3 - o)):
+            factor = 2.0 if o == 1 or k == 1 else 1.0
+            for a in range(n):
+                for b in range(n):
+                    phi[o * n + a, k * n + b] += factor * work.twist[2 - o - k, p, a, b]

@@ -26,6 +26,7 @@ class MotionKernel(NamedTuple):
     second_i: np.ndarray
     second_j: np.ndarray
     track: tuple[np.ndarray, ...]
+    track_curvature: tuple[np.ndarray, ...]
     curve: Curve
     kinked: bool  # whether the spline's u are variables too, behind those of the curve
     neighbours: np.ndarray
@@ -64,6 +65,7 @@ class Workspace(NamedTuple):
     curve: CurveWork
     path_inputs: np.ndarray  # (inputs, time)
     tracked: np.ndarray  # path equations and their Jacobian
+    track_seconds: np.ndarray  # (dof², time): second derivatives of the path equations, times their multipliers
     tangent: np.ndarray  # (time, dof, r)
     normal: np.ndarray  # (time, dof, rows)
     triangle: np.ndarray  # (time, rows, rows)
@@ -111,6 +113,7 @@ def allocate(kernel, n):
         allocate_curve(kernel.curve, states),
         kernel.inputs[:, :: kernel.stride].copy(),
         np.empty((rows + rows * n, samples)),
+        np.empty((n * n, samples)),
         np.zeros((samples, n, n - rows)),
         np.zeros((samples, n, rows)),
         np.zeros((samples, rows, rows)),

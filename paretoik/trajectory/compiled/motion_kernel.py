@@ -177,9 +177,9 @@ def prepare_multipliers(kernel, work, weights):
                 inputs[first[1] + kernel.totals[total], s] = weights[total] * quadrature[s]
     if len(kernel.kinks):
         kink_smoothing.tie_multipliers(kernel, work, weights)
-    path = inputs[first[0] : first[1]]
-    clear(path)
-    self_motion_steps.path_multipliers(work.gradient_q, work.normal, work.triangle, kernel.stride, path)
+    rows = len(kernel.curve.row_scales)
+    nu = work.path_inputs[first[0] : first[0] + rows]
+    self_motion_steps.path_multipliers(work.gradient_q, work.normal, work.triangle, nu)
     if kernel.curve.projects:
         by_curve = work.gradient_spline
         by_curve[:] = work.gradient_u[: len(by_curve)]
@@ -188,7 +188,8 @@ def prepare_multipliers(kernel, work, weights):
             for a in range(len(by_curve) if k >= 0 and weights[total] != 0.0 else 0):
                 for s in range(samples):
                     by_curve[a, s] += weights[total] * quadrature[s] * work.gradients[k, a, s]
-        curve_states.add_curve_multipliers(kernel.curve, work.curve, by_curve, path)
+        of_curve = inputs[first[0] + rows : first[1]]
+        curve_states.curve_multipliers(kernel.curve, work.curve, by_curve, of_curve)
 
 
 @implement(steps.residual_norm, MotionKernel)
@@ -201,12 +202,18 @@ def residual_norm(kernel, residual):
 def assemble(kernel, work, stiffness, A, B, C):
     """Add up the second derivatives of the Lagrangian and the stiffness of the limits, sample by sample."""
     variables, samples = work.gradient_u.shape
-    local = np.zeros((variables, kernel.coefficients.shape[2] * work.tangent.shape[2]))
-    phi, row, half = np.empty((variables, variables)), np.empty(variables), np.zeros(local.shape)
+    states = len(work.gradient_spline)
+    behind = 2 * states if kernel.curve.projects else variables  # the spline's state, behind the curve's
+    local = np.zeros((behind, kernel.coefficients.shape[2] * work.tangent.shape[2]))
+    phi, row, half = np.zeros((behind, behind)), np.empty(variables), np.zeros(local.shape)
     run(kernel.curvature, work.inputs, work.seconds)
+    run(kernel.track_curvature, work.path_inputs, work.track_seconds)
+    self_motion_steps.add_path_hessian(work.track_seconds, work.tangent, kernel.first_unknown, A, C)
     limit_rows.sum_stiffness(kernel, work, stiffness)
     for s in range(samples):
-        _sample_hessian(kernel, work, s, row, phi)
+        phi[states:, states:] = 0.0
+        _sample_hessian(kernel, work, s, row, phi[:variables, :variables])
+        curve_states.add_twist(work.curve, s, phi[states:, states:])
         self_motion_steps.add_hessian(
             s,
             phi,

@@ -145,6 +145,24 @@ def add_hessian(i, phi, neighbours, coefficients, tangent, chain, first_unknown,
 
 
 @compiled
+def add_path_hessian(seconds, tangent, first_unknown, A, C):
+    """Add second derivatives (dof², time) by q of every sample to the Hessian of the unknowns."""
+    samples, n, r = tangent.shape
+    for s in range(samples):
+        begin, size = first_unknown[s], A.shape[0]
+        for a in range(r if begin >= 0 else 0):
+            for b in range(r):
+                total = 0.0
+                for i in range(n):
+                    for j in range(n):
+                        total += tangent[s, i, a] * seconds[i * n + j, s] * tangent[s, j, b]
+                if begin >= size:
+                    C[begin - size + a, begin - size + b] += total
+                elif b <= a:
+                    A[begin + a, a - b] += total
+
+
+@compiled
 def tangent_frames(tracked, tangent, normal, triangle):
     """Write orthonormal bases of null space and row space of the tasks' Jacobians, and R of Jᵀ = Y R.
 
@@ -249,11 +267,8 @@ def retract_motion(track, inputs, q, normal, triangle, tracked):
 
 
 @compiled
-def path_multipliers(gradient_q, normal, triangle, stride, multipliers):
-    """Write ν with Jᵀ ν = −(gradient in the row space), the multipliers of the path, (rows, instants).
-
-    The samples are one instant in ``stride``; ν of the others stays as it is, 0.
-    """
+def path_multipliers(gradient_q, normal, triangle, multipliers):
+    """Write ν with Jᵀ ν = −(gradient in the row space), the multipliers of the path, (rows, time)."""
     samples, n, rows = normal.shape
     for s in range(samples):
         for i in range(rows - 1, -1, -1):
@@ -261,5 +276,5 @@ def path_multipliers(gradient_q, normal, triangle, stride, multipliers):
             for j in range(n):
                 y -= normal[s, j, i] * gradient_q[s, j]
             for a in range(i + 1, rows):
-                y -= triangle[s, i, a] * multipliers[a, s * stride]
-            multipliers[i, s * stride] = y / triangle[s, i, i]
+                y -= triangle[s, i, a] * multipliers[a, s]
+            multipliers[i, s] = y / triangle[s, i, i]

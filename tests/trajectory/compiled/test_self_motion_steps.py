@@ -100,7 +100,7 @@ def test_frames_span_the_null_space_and_multipliers_leave_no_gradient_across_it(
     np.testing.assert_allclose(jacobian @ tangent, 0.0, atol=1e-13)
     np.testing.assert_allclose(normal @ triangle, jacobian.swapaxes(1, 2), atol=1e-13)
     gradient, multipliers = rng.normal(size=(SAMPLES, DOF)), np.zeros((ROWS, SAMPLES))
-    steps.path_multipliers(gradient, normal, triangle, 1, multipliers)
+    steps.path_multipliers(gradient, normal, triangle, multipliers)
     rest = gradient + np.einsum("srj,rs->sj", jacobian, multipliers)
     np.testing.assert_allclose(np.einsum("sji,sj->si", normal, rest), 0.0, atol=1e-10)
 
