@@ -231,12 +231,6 @@ def trace_sample(
     return TracedMotion(task, trace, q, dq, ddq, jerk, seconds)
 
 
-def trace_sample_again(motion: TracedMotion, scales: Float[np.ndarray, " dof"] | float = 1.0) -> TracedMotion:
-    """Return one sample of another motion of the task on the same tape, by inputs of its own."""
-    q, dq, ddq, jerk = (_inputs(motion.trace, scales, motion.arm.dof) for _ in range(4))
-    return TracedMotion(motion.task, motion.trace, q, dq, ddq, jerk, motion.seconds)
-
-
 def trace_motion(
     task: MotionTask, *, scales: Float[np.ndarray, " dof"] | float = 1.0, own_times: bool = False
 ) -> TracedMotion:

@@ -12,7 +12,6 @@ from typing import Any, Literal
 import numpy as np
 
 from paretoik.autodiff.differentiation import dependencies
-from paretoik.autodiff.operations import PIECEWISE, Op
 from paretoik.autodiff.rewriting import smooth_pieces
 from paretoik.autodiff.tape import Expression, as_entry
 from paretoik.robot.scales import joint_scales
@@ -24,13 +23,11 @@ from paretoik.task.traced_motion import (
     trace_motion,
     trace_motion_function,
     trace_sample,
-    trace_sample_again,
     trace_sample_function,
 )
 from paretoik.trajectory.whole_functions import WholeFunction, whole_function
 
 LOADS = ("torque", "power")
-KINKS = PIECEWISE | {Op.ABSOLUTE}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,13 +48,9 @@ class Functions:
     (time,). A peak is the largest at any sample of
     its pieces: its epigraph variable σ is in ``epigraph_variables``, the entries σ − piece ≥ 0 in ``epigraph_rows``;
     ``epigraph_peaks`` says for each of these which peak it belongs to.
-
-    ``motion`` is an instant of the motion's curve. Integrals with kinks are those of its ``spline``: a travel, for one,
-    is the same along many motions, and what Simpson's rule leaves on the curve would tell these apart.
     """
 
     motion: TracedMotion
-    spline: TracedMotion
     totals: list[Total] = field(default_factory=list)
     sums: list[int] = field(default_factory=list)
     names: list[str] = field(default_factory=list)
@@ -81,9 +74,7 @@ def trace_functions(task: MotionTask, shares: np.ndarray) -> Functions:
 
     Raises InvalidInput, naming the objective or limit, where its derivative cannot be had.
     """
-    scales = joint_scales(task.arm)
-    motion = trace_sample(task, scales=scales)
-    functions = Functions(motion=motion, spline=trace_sample_again(motion, scales))
+    functions = Functions(motion=trace_sample(task, scales=joint_scales(task.arm)))
     for term, share in zip(task.objectives, shares, strict=True):
         _add_total(functions, f"objective {term.name}", term, term.sign * float(share), np.inf)
     _add_limits(functions)
@@ -104,8 +95,6 @@ def trace_functions(task: MotionTask, shares: np.ndarray) -> Functions:
 
 def _add_total(functions: Functions, label: str, term: Objective | Constraint, factor: float, upper: float) -> None:
     motion, form = functions.motion, term.form
-    if form == "integral" and motion.task.differences == "spline" and _has_kinks(motion, label, term):
-        motion = functions.spline
     value = trace_sample_function(motion, label, term.function) if form in ("integral", "peak") else None
     if value is None:
         functions.totals.append(Total(name=term.name, kind="whole", index=len(functions.whole_functions), upper=upper))
@@ -124,11 +113,6 @@ def _add_total(functions: Functions, label: str, term: Objective | Constraint, f
         functions.epigraph_rows.append((sigma - share * Expression(tape, piece)).index)
         functions.epigraph_peaks.append(len(functions.epigraph_variables))
     functions.epigraph_variables.append(sigma.index)
-
-
-def _has_kinks(motion: TracedMotion, label: str, term: Objective | Constraint) -> bool:
-    value, tape = trace_sample_function(motion, label, term.function), motion.trace.tape
-    return value is not None and any(tape.entries[i][0] in KINKS for i in dependencies(tape, [as_entry(tape, value)]))
 
 
 def _whole(task: MotionTask, label: str, term: Objective | Constraint, factor: float) -> WholeFunction:

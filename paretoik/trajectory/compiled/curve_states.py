@@ -53,12 +53,15 @@ class CurveWork(NamedTuple):
     directions: np.ndarray  # (3, instants, dof, rows): D, Ḋ and D̈
     multipliers: np.ndarray  # (3, instants, rows): λ, λ̇ and λ̈
     on_path: np.ndarray  # (instants,): where not, the state is that of the spline
-    gains: np.ndarray  # (3, instants, dof, rows): K = D G, Ḋ G and D̈ G
-    bends: np.ndarray  # (3, instants, rows, dof): J, B and C
-    chain: np.ndarray  # (instants, variables, variables): derivatives of the curve's state by that of the spline
-    moves: np.ndarray  # (3, instants, rows, dof): derivatives of λ, λ̇ and λ̈ by s
-    left: np.ndarray  # (3, instants, dof): gradient r of the Lagrangian by q, q̇ and q̈
-    twist: np.ndarray  # (3, instants, dof, dof): Q₀, Q₁ and Q₂ of the mixed derivatives by the spline's state
+    inverse: np.ndarray  # (rows, rows, instants): G
+    gains: np.ndarray  # (3, dof, rows, instants): K = D G, Ḋ G and D̈ G
+    bends: np.ndarray  # (3, rows, dof, instants): J, B and C
+    held: np.ndarray  # (3, dof, dof, instants): derivatives of s + D λ, if λ is held, and its rates
+    rates: np.ndarray  # (3, dof, dof, instants): derivatives of q, q̇ and q̈ by s
+    moves: np.ndarray  # (3, rows, dof, instants): derivatives of λ, λ̇ and λ̈ by s
+    chain: np.ndarray  # (variables, variables, instants): derivatives of the curve's state by that of the spline
+    left: np.ndarray  # (3, dof, instants): gradient r of the Lagrangian by q, q̇ and q̈
+    twist: np.ndarray  # (3, dof, dof, instants): Q₀, Q₁ and Q₂ of the mixed derivatives by the spline's state
 
 
 @compiled
@@ -74,12 +77,15 @@ def allocate_curve(curve, variables):
         np.zeros((3, instants, n, rows)),
         np.zeros((3, instants, rows)),
         np.zeros(instants, dtype=np.bool_),
-        np.zeros((3, instants, n, rows)),
-        np.zeros((3, instants, rows, n)),
-        np.zeros((instants, variables, variables)),
-        np.zeros((3, instants, rows, n)),
-        np.zeros((3, instants, n)),
-        np.zeros((3, instants, n, n)),
+        np.zeros((rows, rows, instants)),
+        np.zeros((3, n, rows, instants)),
+        np.zeros((3, rows, n, instants)),
+        np.zeros((3, n, n, instants)),
+        np.zeros((3, n, n, instants)),
+        np.zeros((3, rows, n, instants)),
+        np.zeros((variables, variables, instants)),
+        np.zeros((3, n, instants)),
+        np.zeros((3, n, n, instants)),
     )
 
 
@@ -133,98 +139,95 @@ def _project(curve, work):
 
 @compiled
 def linearise_instants(curve, work):
-    """Write the derivatives of the states that were last projected."""
+    """Write the derivatives of the states that were last projected; matrices stand entry first, instant last."""
     if not curve.projects:
         return
     _, instants, n, rows = work.directions.shape
-    slopes, turns = np.empty((3 * rows * n, instants)), np.empty((3 * n * n, instants))
-    places, inverse = np.empty((3 * (n + rows), instants)), np.empty((rows, rows))
-    run(curve.slopes, work.inputs, slopes)
+    held, rates, moves, gains, inverse = work.held, work.rates, work.moves, work.gains, work.inverse
+    places, free, along = (
+        np.empty((3 * (n + rows), instants)),
+        np.zeros((n, n, instants)),
+        np.empty((rows, n, instants)),
+    )
+    run(curve.slopes, work.inputs, work.bends.reshape((3 * rows * n, instants)))
+    jacobian, velocity, acceleration = work.bends[0], work.bends[1], work.bends[2]
+    _write_gains(jacobian, work.directions, inverse, gains)
     for o in range(3):
         for p in range(instants):
             places[o * n : (o + 1) * n, p] = work.spline[o, p]
             places[3 * n + o * rows : 3 * n + (o + 1) * rows, p] = work.multipliers[o, p]
-    run(curve.turns, places, turns)
-    free, held, along = np.empty((n, n)), np.empty((3, n, n)), np.empty((rows, n))
-    rates = np.empty((3, n, n))
+    run(curve.turns, places, held.reshape((3 * n * n, instants)))
+    for o in range(3):
+        for i in range(n):
+            held[o, i] *= curve.scales[i] ** 2
+    for i in range(n):
+        held[0, i, i] += 1.0
+        free[i, i] = 1.0
+    rates[:], moves[:] = 0.0, 0.0
+    _add_product(gains[0], jacobian, -1.0, free)
+    _add_product(free, held[0], 1.0, rates[0])
+    _add_bend(inverse, jacobian, -1.0, held[0], along, moves[0])
+    _add_turn(work.directions[1], moves[0], 1.0, held[1])
+    _add_product(free, held[1], 1.0, rates[1])
+    _add_bend(gains[0], velocity, -1.0, rates[0], along, rates[1])
+    _add_bend(inverse, jacobian, -1.0, held[1], along, moves[1])
+    _add_bend(inverse, velocity, -1.0, rates[0], along, moves[1])
+    _add_turn(work.directions[2], moves[0], 1.0, held[2])
+    _add_turn(work.directions[1], moves[1], 2.0, held[2])
+    _add_product(free, held[2], 1.0, rates[2])
+    _add_bend(gains[0], acceleration, -1.0, rates[0], along, rates[2])
+    _add_bend(gains[0], velocity, -2.0, rates[1], along, rates[2])
+    _add_bend(inverse, jacobian, -1.0, held[2], along, moves[2])
+    _add_bend(inverse, acceleration, -1.0, rates[0], along, moves[2])
+    _add_bend(inverse, velocity, -2.0, rates[1], along, moves[2])
+    _write_chain(curve, rates, work.chain)
     for p in range(instants):
         if not work.on_path[p]:
             _keep_spline(work, p)
-            continue
-        jacobian, velocity, acceleration = work.bends[0, p], work.bends[1, p], work.bends[2, p]
-        gain, turn, bend, moves = work.gains[0, p], work.directions[1, p], work.directions[2, p], work.moves[:, p]
-        for o in range(3):
-            for i in range(rows):
-                for j in range(n):
-                    work.bends[o, p, i, j] = slopes[(o * rows + i) * n + j, p]
-        _invert(jacobian, work.directions[0, p], inverse)
-        work.gains[:, p] = 0.0
-        for o in range(3):
-            _add_product(work.directions[o, p], inverse, 1.0, work.gains[o, p])
-        free[:] = 0.0
-        _add_product(gain, jacobian, -1.0, free)
-        rates[:], moves[:] = 0.0, 0.0
-        for i in range(n):
-            free[i, i] += 1.0
-            for j in range(n):
-                for o in range(3):
-                    held[o, i, j] = curve.scales[i] ** 2 * turns[(o * n + i) * n + j, p]
-            held[0, i, i] += 1.0
-        _add_product(free, held[0], 1.0, rates[0])
-        _move(inverse, jacobian, held[0], along, moves[0])
-        _add_product(turn, moves[0], 1.0, held[1])
-        _add_product(free, held[1], 1.0, rates[1])
-        _add_bend(gain, velocity, -1.0, rates[0], along, rates[1])
-        _move(inverse, jacobian, held[1], along, moves[1])
-        _add_bend(inverse, velocity, -1.0, rates[0], along, moves[1])
-        _add_product(bend, moves[0], 1.0, held[2])
-        _add_product(turn, moves[1], 2.0, held[2])
-        _add_product(free, held[2], 1.0, rates[2])
-        _add_bend(gain, acceleration, -1.0, rates[0], along, rates[2])
-        _add_bend(gain, velocity, -2.0, rates[1], along, rates[2])
-        _move(inverse, jacobian, held[2], along, moves[2])
-        _add_bend(inverse, acceleration, -1.0, rates[0], along, moves[2])
-        _add_bend(inverse, velocity, -2.0, rates[1], along, moves[2])
-        _write_chain(curve, rates, work.chain[p])
 
 
 @compiled
-def _invert(jacobian, directions, inverse):
-    """Write G = (J D)⁻¹."""
-    rows = len(inverse)
+def _write_gains(jacobian, directions, inverse, gains):
+    """Write G = (J D)⁻¹ and D G, Ḋ G and D̈ G."""
+    _, instants, n, rows = directions.shape
     matrix, right = np.empty((rows, rows)), np.empty(rows)
-    for c in range(rows):
-        matrix[:] = 0.0
-        _add_product(jacobian, directions, 1.0, matrix)
-        right[:] = 0.0
-        right[c] = 1.0
-        solve(matrix, right)
-        inverse[:, c] = right
-
-
-@compiled
-def _move(inverse, jacobian, held, along, moved):
-    """Write −G J times what the state changes by if multipliers are held."""
-    along[:] = 0.0
-    _add_product(jacobian, held, 1.0, along)
-    _add_product(inverse, along, -1.0, moved)
-
-
-@compiled
-def _keep_spline(work, p):
-    """Write the derivatives of an instant whose state is that of the spline."""
-    work.gains[:, p], work.bends[:, p], work.moves[:, p] = 0.0, 0.0, 0.0
-    for a in range(work.chain.shape[1]):
-        for b in range(work.chain.shape[1]):
-            work.chain[p, a, b] = 1.0 if a == b else 0.0
+    for p in range(instants):
+        for c in range(rows):
+            for i in range(rows):
+                for k in range(rows):
+                    matrix[i, k] = 0.0
+                    for j in range(n):
+                        matrix[i, k] += jacobian[i, j, p] * directions[0, p, j, k]
+                right[i] = 1.0 if i == c else 0.0
+            solve(matrix, right)
+            for i in range(rows):
+                inverse[i, c, p] = right[i]
+        for o in range(3):
+            for j in range(n):
+                for c in range(rows):
+                    gains[o, j, c, p] = 0.0
+                    for i in range(rows):
+                        gains[o, j, c, p] += directions[o, p, j, i] * inverse[i, c, p]
 
 
 @compiled
 def _add_product(left, right, factor, out):
+    """Add factor · left right at every instant."""
     for i in range(left.shape[0]):
         for k in range(left.shape[1]):
             for j in range(right.shape[1]):
-                out[i, j] += factor * left[i, k] * right[k, j]
+                for p in range(out.shape[2]):
+                    out[i, j, p] += factor * left[i, k, p] * right[k, j, p]
+
+
+@compiled
+def _add_turn(turn, moves, factor, out):
+    """Add factor · turn moves; ``turn`` (instants, dof, rows) stands instant first."""
+    for i in range(turn.shape[1]):
+        for k in range(turn.shape[2]):
+            for j in range(moves.shape[1]):
+                for p in range(out.shape[2]):
+                    out[i, j, p] += factor * turn[p, i, k] * moves[k, j, p]
 
 
 @compiled
@@ -237,54 +240,52 @@ def _add_bend(gain, bend, factor, moves, along, out):
 
 @compiled
 def _write_chain(curve, rates, chain):
-    """Write the derivatives of one instant from ∂q/∂s, ∂q̇/∂s and ∂q̈/∂s, joints divided by their scales.
+    """Write the derivatives of states from ∂q/∂s, ∂q̇/∂s and ∂q̈/∂s, joints divided by their scales.
 
     Jerks are those of the spline.
     """
     n, variables = len(curve.scales), len(chain)
     for o in range(min(variables // n, 3)):
         for k in range(o + 1):
-            factor = 2.0 if o == 2 and k == 1 else 1.0
             for i in range(n):
-                unit = factor / curve.scales[i]
+                factor = (2.0 if o == 2 and k == 1 else 1.0) / curve.scales[i]
                 for j in range(n):
-                    chain[o * n + i, k * n + j] = rates[o - k, i, j] * curve.scales[j] * unit
+                    chain[o * n + i, k * n + j] = rates[o - k, i, j] * (factor * curve.scales[j])
     for a in range(3 * n, variables):
         chain[a, a] = 1.0
 
 
 @compiled
+def _keep_spline(work, p):
+    """Write the derivatives of an instant whose state is that of the spline."""
+    work.gains[..., p], work.bends[..., p], work.moves[..., p], work.chain[..., p] = 0.0, 0.0, 0.0, 0.0
+    for a in range(len(work.chain)):
+        work.chain[a, a, p] = 1.0
+
+
+@compiled
 def chain_directions(work, du):
-    """Overwrite directions (states, instants) of the spline's state by those of the curve's; those behind keep them."""
+    """Overwrite directions (variables, instants) of the spline's state by those of the curve's."""
     chain = work.chain
-    states = chain.shape[1]
-    column = np.empty(states)
-    if len(du) > states:
-        du[states:] = du[:states]
-    for p in range(len(chain)):
-        column[:] = du[:states, p]
-        for a in range(len(column)):
-            total = 0.0
-            for b in range(len(column)):
-                total += chain[p, a, b] * column[b]
-            du[a, p] = total
+    by_spline = du[:, : chain.shape[2]].copy()
+    for a in range(len(du)):
+        for b in range(len(du) if chain.shape[2] else 0):
+            for p in range(chain.shape[2]):
+                du[a, p] = (du[a, p] if b else 0.0) + chain[a, b, p] * by_spline[b, p]
 
 
 @compiled
 def chain_gradient(work, gradient, out):
-    """Write a gradient by the spline's state, from one by the curve's and, behind it, by the spline's own."""
+    """Write a gradient by the spline's state, from one by the curve's."""
     chain = work.chain
-    if not len(chain):
+    if not chain.shape[2]:
         out[:] = gradient
         return
-    for p in range(len(chain)):
+    out[:] = 0.0
+    for a in range(len(out)):
         for b in range(len(out)):
-            out[b, p] = gradient[len(out) + b, p] if len(gradient) > len(out) else 0.0
-        for a in range(len(out)):
-            slope = gradient[a, p]
-            if slope != 0.0:
-                for b in range(len(out)):
-                    out[b, p] += chain[p, a, b] * slope
+            for p in range(chain.shape[2]):
+                out[b, p] += chain[a, b, p] * gradient[a, p]
 
 
 @compiled
@@ -294,26 +295,28 @@ def curve_multipliers(curve, work, gradient, multipliers):
     They leave no gradient by λ, λ̇ and λ̈.
     """
     _, instants, n, rows = work.directions.shape
-    orders, found = min(gradient.shape[0] // n, 3), np.zeros((3, rows))
-    for p in range(instants):
-        left = work.left[:, p]
-        for o in range(orders - 1, -1, -1):
-            for j in range(n):  # before g of this order has its part
-                left[o, j] = gradient[o * n + j, p] / curve.scales[j]
-                for higher in range(o + 1, orders):
-                    factor = 2.0 if o == 1 else 1.0
-                    for i in range(rows):
-                        left[o, j] += factor * work.bends[higher - o, p, i, j] * found[higher, i]
-            for i in range(rows):
-                found[o, i] = 0.0
-                for higher in range(o, orders):
-                    factor = -2.0 if o == 1 and higher == 2 else -1.0
-                    for j in range(n):
-                        found[o, i] += factor * work.gains[higher - o, p, j, i] * left[higher, j]
-                multipliers[o * rows + i, p] = found[o, i]
+    orders, left = min(gradient.shape[0] // n, 3), work.left
+    for o in range(orders - 1, -1, -1):
+        found = multipliers[o * rows : (o + 1) * rows]
+        for j in range(n):  # before g of this order has its part
+            for p in range(instants):
+                left[o, j, p] = gradient[o * n + j, p] / curve.scales[j]
+            for higher in range(o + 1, orders):
+                factor = 2.0 if o == 1 else 1.0
+                for i in range(rows):
+                    for p in range(instants):
+                        left[o, j, p] += factor * work.bends[higher - o, i, j, p] * multipliers[higher * rows + i, p]
+        found[:] = 0.0
+        for higher in range(o, orders):
+            factor = -2.0 if o == 1 and higher == 2 else -1.0
             for j in range(n):
                 for i in range(rows):
-                    left[o, j] += work.bends[0, p, i, j] * found[o, i]
+                    for p in range(instants):
+                        found[i, p] += factor * work.gains[higher - o, j, i, p] * left[higher, j, p]
+        for j in range(n):
+            for i in range(rows):
+                for p in range(instants):
+                    left[o, j, p] += work.bends[0, i, j, p] * found[i, p]
     _write_twist(curve, work)
 
 
@@ -325,37 +328,36 @@ def _write_twist(curve, work):
     U = ∂(J ρ)/∂s, it is the symmetric part of (2 Uᵀ L)⁽ᵒ⁾.
     """
     _, instants, n, rows = work.directions.shape
-    places, slopes = np.empty((6 * n, instants)), np.empty((3 * rows * n, instants))
+    places, slopes = np.empty((6 * n, instants)), np.empty((3, rows, n, instants))
     for o in range(3):
-        for p in range(instants):
-            places[o * n : (o + 1) * n, p] = work.spline[o, p]
-            for j in range(n):
-                weight = curve.scales[j] ** 2 * (0.5 if o == 1 else 1.0)
-                places[(3 + o) * n + j, p] = weight * work.left[2 - o, p, j]
-    run(curve.twists, places, slopes)
-    half = np.empty((n, n))
-    for p in range(instants):
-        for o in range(3):
-            half[:] = 0.0
-            for k in range(o + 1):
-                factor = 2.0 if o == 2 and k == 1 else 1.0
-                for i in range(rows):
-                    for a in range(n):
-                        slope = factor * slopes[((o - k) * rows + i) * n + a, p]
-                        for b in range(n):
-                            half[a, b] += slope * work.moves[k, p, i, b]
-            for a in range(n):
-                for b in range(n):
-                    work.twist[o, p, a, b] = (half[a, b] + half[b, a]) * curve.scales[a] * curve.scales[b]
+        for j in range(n):
+            weight = curve.scales[j] ** 2 * (0.5 if o == 1 else 1.0)
+            for p in range(instants):
+                places[o * n + j, p] = work.spline[o, p, j]
+                places[(3 + o) * n + j, p] = weight * work.left[2 - o, j, p]
+    run(curve.twists, places, slopes.reshape((3 * rows * n, instants)))
+    half = np.empty((n, n, instants))
+    for o in range(3):
+        half[:] = 0.0
+        for k in range(o + 1):
+            factor = 2.0 if o == 2 and k == 1 else 1.0
+            for i in range(rows):
+                for a in range(n):
+                    for b in range(n):
+                        for p in range(instants):
+                            half[a, b, p] += factor * slopes[o - k, i, a, p] * work.moves[k, i, b, p]
+        for a in range(n):
+            for b in range(n):
+                work.twist[o, a, b] = (half[a, b] + half[b, a]) * (curve.scales[a] * curve.scales[b])
 
 
 @compiled
 def add_twist(work, p, phi):
     """Add to second derivatives by the spline's state what the turning of the directions adds at an instant."""
-    n = work.twist.shape[2]
+    n = work.twist.shape[1]
     for o in range(min(len(phi) // n, 3)):
         for k in range(min(len(phi) // n, 3 - o)):
             factor = 2.0 if o == 1 or k == 1 else 1.0
             for a in range(n):
                 for b in range(n):
-                    phi[o * n + a, k * n + b] += factor * work.twist[2 - o - k, p, a, b]
+                    phi[o * n + a, k * n + b] += factor * work.twist[2 - o - k, a, b, p]

@@ -57,10 +57,8 @@ def add_auxiliary(kernel, work, x):
 @compiled
 def _write_states(kernel, work, x):
     """Write the variables u of all instants at a point."""
-    u, n = work.inputs[: len(work.gradient_spline)], len(kernel.scales)
+    u = work.inputs[: len(work.gradient_u)]
     self_motion_steps.apply_stencil(x, kernel.neighbours, kernel.coefficients, u)
-    if kernel.kinked:
-        work.inputs[4 * n : 4 * n + len(u)] = u
     curve_states.project_instants(kernel.curve, work.curve, u)
 
 
@@ -182,7 +180,7 @@ def prepare_multipliers(kernel, work, weights):
     self_motion_steps.path_multipliers(work.gradient_q, work.normal, work.triangle, nu)
     if kernel.curve.projects:
         by_curve = work.gradient_spline
-        by_curve[:] = work.gradient_u[: len(by_curve)]
+        by_curve[:] = work.gradient_u
         for total in range(len(weights)):
             k = kernel.totals[total]
             for a in range(len(by_curve) if k >= 0 and weights[total] != 0.0 else 0):
@@ -202,8 +200,7 @@ def residual_norm(kernel, residual):
 def assemble(kernel, work, stiffness, A, B, C):
     """Add up the second derivatives of the Lagrangian and the stiffness of the limits, sample by sample."""
     variables, samples = work.gradient_u.shape
-    states = len(work.gradient_spline)
-    behind = 2 * states if kernel.curve.projects else variables  # the spline's state, behind the curve's
+    behind = 2 * variables if kernel.curve.projects else variables  # the spline's u, behind those of the curve
     local = np.zeros((behind, kernel.coefficients.shape[2] * work.tangent.shape[2]))
     phi, row, half = np.zeros((behind, behind)), np.empty(variables), np.zeros(local.shape)
     run(kernel.curvature, work.inputs, work.seconds)
@@ -211,9 +208,9 @@ def assemble(kernel, work, stiffness, A, B, C):
     self_motion_steps.add_path_hessian(work.track_seconds, work.tangent, kernel.first_unknown, A, C)
     limit_rows.sum_stiffness(kernel, work, stiffness)
     for s in range(samples):
-        phi[states:, states:] = 0.0
-        _sample_hessian(kernel, work, s, row, phi[:variables, :variables])
-        curve_states.add_twist(work.curve, s, phi[states:, states:])
+        clear(phi)
+        _add_sample_hessian(kernel, work, s, row, phi)
+        curve_states.add_twist(work.curve, s, phi[variables:, variables:])
         self_motion_steps.add_hessian(
             s,
             phi,
@@ -236,12 +233,11 @@ def assemble(kernel, work, stiffness, A, B, C):
 
 
 @compiled
-def _sample_hessian(kernel, work, s, row, phi):
-    """Write the Hessian (U, U) of one sample by u."""
-    variables, sums = len(phi), len(work.objective_gradients)
+def _add_sample_hessian(kernel, work, s, row, phi):
+    """Add the Hessian of one sample by u."""
+    variables, sums = len(row), len(work.objective_gradients)
     second_i, second_j, seconds = kernel.second_i, kernel.second_j, work.seconds
     by_row, gradients = work.by_row, work.gradients
-    clear(phi)
     for e in range(len(second_i)):
         i, j = second_i[e], second_j[e]
         if i < variables and j < variables:

@@ -86,8 +86,8 @@ def expand_motion_step(step, tangent, first_unknown, dq):
 def local_basis(i, neighbours, coefficients, tangent, chain, local):
     """Write how u of instant i changes with the unknowns of its neighbours, (variables, width · unknowns).
 
-    ``chain`` (instants, states, states) says how u changes with that of the spline, which may stand behind it; it is
-    empty if they are the same.
+    ``chain`` (states, states, instants) says how u changes with that of the spline, which stands behind it if there is
+    room; it is empty if they are the same.
     """
     orders, _, width = coefficients.shape
     n, r = tangent.shape[1], tangent.shape[2]
@@ -97,13 +97,14 @@ def local_basis(i, neighbours, coefficients, tangent, chain, local):
                 for a in range(r):
                     local[o * n + j, k * r + a] = coefficients[o, i, k] * tangent[neighbours[i, k], j, a]
     states = orders * n
-    if len(chain):
+    if chain.shape[2]:
         spline = local[:states].copy()
         for a in range(states):
             local[a] = 0.0
             for m in range(states):
-                for b in range(local.shape[1]):
-                    local[a, b] += chain[i, a, m] * spline[m, b]
+                if chain[a, m, i] != 0.0:
+                    for b in range(local.shape[1]):
+                        local[a, b] += chain[a, m, i] * spline[m, b]
         if len(local) > states:
             local[states:] = spline
 
