@@ -37,7 +37,7 @@ def offset(motion):
 
 
 def tracked(objectives, differences="backward"):
-    path = pk.line((0.2, 0.1), (0.2, 0.2), duration=1.0, samples=21)
+    path = pk.line((0.2, 0.1), (0.2, 0.2), duration=1.0, samples=41)
     return pk.Tracking(pk.arms.tringali_3r(), path, objectives=objectives, differences=differences)
 
 
@@ -47,9 +47,15 @@ def problem(request):
 
 
 @pytest.fixture(scope="module")
-def saddle():
+def saddle(problem):
     """The motion whose first joint stays at ANGLE: critical for both objectives, and a maximum of both."""
-    return pk.plan(tracked([offset], "spline"), starts=4, observe=False).best.motion.q[None]
+    q = pk.plan(tracked([offset], "spline"), starts=4, observe=False).best.motion.q
+    program = problem.program(np.ones(2))
+    for _ in range(6):  # Newton's method for their sum
+        at = program.linearise(q)
+        hessian = at.hessian(np.ones(2), np.zeros(len(at.inequalities))).toarray()
+        q = at.retract(-np.linalg.solve(hessian, at.gradients.sum(axis=0)))
+    return q[None]
 
 
 def certified(problem, x):

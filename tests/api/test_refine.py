@@ -202,7 +202,7 @@ def way(motion):
 
 
 def test_points_are_critical_over_the_ranges_of_the_front_that_they_become():
-    path = pk.line((0.2, 0.1), (0.2, 0.2), duration=1.0, samples=9)
+    path = pk.line((0.2, 0.1), (0.2, 0.2), duration=1.0, samples=17)
 
     def offset(to):
         return pk.objective(unit="", form="integral", name="offset")(

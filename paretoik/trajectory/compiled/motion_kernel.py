@@ -209,7 +209,7 @@ def assemble(kernel, work, stiffness, A, B, C):
     limit_rows.sum_stiffness(kernel, work, stiffness)
     for s in range(samples):
         clear(phi)
-        _add_sample_hessian(kernel, work, s, row, phi)
+        _add_sample_hessian(kernel, work, s, row, phi[:variables, :variables])
         curve_states.add_twist(work.curve, s, phi[variables:, variables:])
         self_motion_steps.add_hessian(
             s,

@@ -62,21 +62,22 @@ def test_the_hessian_of_an_instant_is_that_of_the_dense_chain_rule(seed, border)
     rng = np.random.default_rng(seed)
     neighbours, coefficients, first_unknown = stencil(rng)
     tangent, unknowns = rng.normal(size=(SAMPLES, DOF, FREE)), FREE * (SAMPLES - 1)
-    phi = rng.normal(size=(ORDERS * DOF, ORDERS * DOF))
+    phi = rng.normal(size=(2 * ORDERS * DOF, 2 * ORDERS * DOF))  # the curve's u, then the spline's
     phi += phi.T
-    chain = rng.normal(size=(SAMPLES, ORDERS * DOF, ORDERS * DOF))
+    chain = rng.normal(size=(ORDERS * DOF, ORDERS * DOF, SAMPLES))
     columns, dq = [], np.empty((SAMPLES, DOF))
     for unit in np.eye(unknowns):
         steps.expand_motion_step(unit, tangent, first_unknown, dq)
         columns.append(variables(dq, neighbours, coefficients))
-    maps = np.einsum("iuv,avi->aui", chain, np.array(columns))
+    spline = np.array(columns)
+    maps = np.concatenate([np.einsum("uvi,avi->aui", chain, spline), spline], axis=1)
     size = unknowns - border * FREE
     A, B, C = (
         np.zeros((size, 3 * FREE)),
         np.zeros((unknowns - size, size)),
         np.zeros((unknowns - size, unknowns - size)),
     )
-    local, half = np.zeros((2, ORDERS * DOF, WIDTH * FREE))
+    local, half = np.zeros((2, 2 * ORDERS * DOF, WIDTH * FREE))
     for i in range(SAMPLES):
         steps.add_hessian(i, phi, neighbours, coefficients, tangent, chain, first_unknown, local, half, A, B, C)
     band = np.array([[A[i, i - k] if 0 <= i - k < A.shape[1] else 0.0 for k in range(size)] for i in range(size)])
