@@ -29,7 +29,7 @@ from paretoik.robot.arm import Arm, check_arm
 from paretoik.robot.scales import characteristic_length, joint_scales
 from paretoik.tables import field_representation, html_representation
 from paretoik.task.motion import Motion
-from paretoik.task.objectives import Form, Function, check_form, evaluate_function
+from paretoik.task.objectives import Form, Function, check_form, evaluate_function, evaluate_integral
 from paretoik.user_functions import function_name
 from paretoik.user_warnings import warn_user
 
@@ -131,9 +131,11 @@ class Constraint:
         Raises, naming the constraint, InvalidInput if the function returns another shape or something not real, and
         EvaluationFailed if it raises.
         """
-        values = evaluate_function(f"constraint {self.name}", self.function, motion, self.form)
+        name = f"constraint {self.name}"
         if self.form == "integral":
-            values = motion.integral(values)
+            values = evaluate_integral(name, self, motion)
+        else:
+            values = evaluate_function(name, self.function, motion, self.form)
         return np.asarray(np.maximum(values - self.upper, self.lower - values) / self.scale)
 
 

@@ -215,8 +215,21 @@ class Motion:
         q, dq, ddq = self._nodes
         bounds = dq.copy()  # as a parabola's: v + h a / 2 of the sample before
         bounds[..., 1::2, :] = dq[..., :-1:2, :] + np.diff(self.time)[..., None] / 2 * ddq[..., :-1:2, :]
-        derivatives = replace(spline, dq=dq, ddq=ddq, velocity_bounds=bounds)
+        derivatives = replace(spline, dq=dq, ddq=ddq, velocity_bounds=bounds, spline=self._spline_nodes)
         return replace(self, time=time, q=q, derivatives=derivatives)
+
+    @cached_property
+    def of_spline(self) -> Motion:
+        """The state of the spline at the ``instants``, before its projection; of other motions themselves.
+
+        Integrals with kinks are those of the spline: a joint that stands still can move on the curve, if little.
+        """
+        instants = self.instants
+        if instants.derivatives is None or instants.derivatives.spline is None:
+            return instants
+        q, dq, ddq = instants.derivatives.spline
+        derivatives = replace(instants.derivatives, dq=dq, ddq=ddq, velocity_bounds=dq.copy(), spline=None)
+        return replace(instants, q=q, derivatives=derivatives)
 
     @property
     def velocity_bounds(self) -> JointPaths:

@@ -15,6 +15,7 @@ from paretoik.errors import InvalidInput
 from paretoik.inputs import check_choice, check_flag, check_function, check_text
 from paretoik.tables import html_representation
 from paretoik.task.motion import Motion
+from paretoik.task.traced_motion import has_kinks
 from paretoik.user_functions import cause_of, function_name, limited_call, user_function
 
 Form = Literal["integral", "peak", "terminal", "general"]
@@ -48,10 +49,9 @@ class Objective:
         """
         name = f"objective {self.name}"
         check_motion(name, motion)
-        motion = motion.instants
-        values = evaluate_function(name, self.function, motion, self.form)
         if self.form == "integral":
-            return motion.integral(values)
+            return evaluate_integral(name, self, motion)
+        values = evaluate_function(name, self.function, motion.instants, self.form)
         if self.form == "peak":
             return np.asarray(values.min(axis=-1) if self.maximise else values.max(axis=-1))
         return values
@@ -143,6 +143,19 @@ def evaluate_function(name: str, function: Function, motion: Motion, form: Form)
             "motions are (*batch, time, joints), so that dq[..., 0] is of the first joint"
         )
     return array.astype(float)
+
+
+def evaluate_integral(name: str, term: Any, motion: Motion) -> np.ndarray:
+    """Return the integrals (*batch,) of an objective or a constraint, of ``Motion.of_spline`` if it has kinks.
+
+    Raises what ``evaluate_function`` does.
+    """
+    instants = motion.instants
+    if motion.differences == "spline" and has_kinks(
+        term, motion.arm, motion.tasks, motion.obstacles, motion.link_radius
+    ):
+        instants = motion.of_spline
+    return instants.integral(evaluate_function(name, term.function, instants, "integral"))
 
 
 def _each_value(motion: Motion, *, of_times: bool) -> str:

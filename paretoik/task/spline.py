@@ -68,13 +68,15 @@ class Spline:
 class Derivatives:
     """Derivatives of a motion at its samples, known rather than their differences.
 
-    ``velocity_bounds`` are velocities too, or Bernstein coefficients between which these lie.
+    ``velocity_bounds`` are velocities too, or Bernstein coefficients between which these lie. ``spline`` is the state
+    (q, dq, ddq) of the spline, if the motion is this after its projection.
     """
 
     dq: Samples
     ddq: Samples
     jerk: Samples
     velocity_bounds: Samples
+    spline: tuple[Samples, ...] | None = None
 
     def __post_init__(self) -> None:
         for values in (self.dq, self.ddq, self.jerk, self.velocity_bounds):
@@ -86,6 +88,7 @@ class Derivatives:
             ddq=self.ddq[index],
             jerk=self.jerk[index],
             velocity_bounds=self.velocity_bounds[index],
+            spline=None if self.spline is None else tuple(part[index] for part in self.spline),
         )
 
 

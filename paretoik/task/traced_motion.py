@@ -9,26 +9,32 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, reduce
+from functools import cached_property, lru_cache, reduce
 from itertools import accumulate
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
+from paretoik.autodiff.differentiation import dependencies
+from paretoik.autodiff.operations import PIECEWISE, Op
 from paretoik.autodiff.tape import Expression, as_entry
 from paretoik.autodiff.tracing import NotLocal, Trace, TracedArray
-from paretoik.errors import InvalidInput
+from paretoik.errors import InvalidInput, ParetoikError
 from paretoik.inputs import likely_spelling
+from paretoik.robot.arm import Arm
 from paretoik.robot.arm_inputs import TOOL_FRAME
 from paretoik.robot.components import Component
 from paretoik.robot.dynamics import energy_components, torque_components
 from paretoik.robot.kinematics import frame_components, jacobian_components, link_frames, node_components
+from paretoik.task.differences import Differences
 from paretoik.task.distances import distance_components
 from paretoik.task.motion import Motion
-from paretoik.task.motion_task import MotionTask
+from paretoik.task.obstacles import Obstacle
 from paretoik.task.task import Task, path_jacobian
 from paretoik.user_functions import limited_call, user_function
+
+KINKS = PIECEWISE | {Op.ABSOLUTE}
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,10 +42,10 @@ class TracedMotion:
     """The attributes of ``Motion``, made of expressions; functions get it where derivatives are taken.
 
     ``seconds`` is the duration [s]; None that of a motion with times of its own, which follows no task: ``steps`` [s]
-    are its intervals (time − 1,), of one sample their sum.
+    are its intervals (time − 1,), of one sample their sum. ``task`` is a MotionTask, or what stands for one.
     """
 
-    task: MotionTask
+    task: Any
     trace: Trace
     q: TracedArray
     dq: TracedArray
@@ -211,7 +217,7 @@ class OwnDuration:
 
 
 def trace_sample(
-    task: MotionTask,
+    task: Any,
     *,
     scales: Float[np.ndarray, " dof"] | float = 1.0,
     duration: float | None = None,
@@ -231,8 +237,14 @@ def trace_sample(
     return TracedMotion(task, trace, q, dq, ddq, jerk, seconds)
 
 
+def trace_sample_again(motion: TracedMotion, scales: Float[np.ndarray, " dof"] | float = 1.0) -> TracedMotion:
+    """Return one sample of another motion of the task on the same tape, by inputs of its own."""
+    q, dq, ddq, jerk = (_inputs(motion.trace, scales, motion.arm.dof) for _ in range(4))
+    return TracedMotion(motion.task, motion.trace, q, dq, ddq, jerk, motion.seconds)
+
+
 def trace_motion(
-    task: MotionTask, *, scales: Float[np.ndarray, " dof"] | float = 1.0, own_times: bool = False
+    task: Any, *, scales: Float[np.ndarray, " dof"] | float = 1.0, own_times: bool = False
 ) -> TracedMotion:
     """Return a whole motion of a task, for functions that combine several samples; see ``trace_sample``.
 
@@ -297,3 +309,34 @@ def _sample_value(motion: TracedMotion, value: Any) -> Expression | float:
     if isinstance(array, np.ndarray) and array.shape in ((), (motion.trace.samples,)):
         return motion.trace.parameter(array) if array.ndim else float(array)
     raise InvalidInput(f"must return one number a sample where derivatives are taken, got shape {array.shape}")
+
+
+class OneInterval(NamedTuple):
+    """A motion of one interval, to trace functions of an instant."""
+
+    arm: Arm
+    tasks: tuple[Task, ...]
+    obstacles: tuple[Obstacle, ...]
+    link_radius: float
+    differences: Differences = "spline"
+    cyclic: bool = False
+    times: np.ndarray = np.array([0.0, 1.0])
+    instants: np.ndarray = np.array([0.0, 0.5, 1.0])
+    weights: np.ndarray = np.array([1.0, 4.0, 1.0]) / 6
+
+
+@lru_cache(maxsize=64)
+def has_kinks(
+    term: Any, arm: Arm, tasks: tuple[Task, ...], obstacles: tuple[Obstacle, ...], link_radius: float
+) -> bool:
+    """Return whether an objective or constraint of an instant has kinks.
+
+    False if it cannot be traced, or combines several samples.
+    """
+    motion = trace_sample(OneInterval(arm, tasks, obstacles, link_radius))
+    try:
+        value = trace_sample_function(motion, "kinks", term.function)
+    except ParetoikError:
+        return False
+    tape = motion.trace.tape
+    return value is not None and any(tape.entries[i][0] in KINKS for i in dependencies(tape, [as_entry(tape, value)]))

@@ -20,9 +20,11 @@ from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective
 from paretoik.task.traced_motion import (
     TracedMotion,
+    has_kinks,
     trace_motion,
     trace_motion_function,
     trace_sample,
+    trace_sample_again,
     trace_sample_function,
 )
 from paretoik.trajectory.whole_functions import WholeFunction, whole_function
@@ -48,9 +50,14 @@ class Functions:
     (time,). A peak is the largest at any sample of
     its pieces: its epigraph variable σ is in ``epigraph_variables``, the entries σ − piece ≥ 0 in ``epigraph_rows``;
     ``epigraph_peaks`` says for each of these which peak it belongs to.
+
+    ``motion`` is an instant of the motion's curve. Integrals with kinks are those of its ``spline``: a travel, for one,
+    is the same along many motions, and what Simpson's rule leaves on the curve would tell these apart.
     """
 
+    task: MotionTask
     motion: TracedMotion
+    spline: TracedMotion
     totals: list[Total] = field(default_factory=list)
     sums: list[int] = field(default_factory=list)
     names: list[str] = field(default_factory=list)
@@ -65,7 +72,7 @@ class Functions:
     @property
     def distances(self) -> list[int]:
         """Entries of the distances to obstacles: pieces that meet without a kink."""
-        tape, obstacles = self.motion.trace.tape, self.motion.task.obstacles
+        tape, obstacles = self.motion.trace.tape, self.task.obstacles
         return dependencies(tape, [as_entry(tape, self.motion.clearance.entries)] if obstacles else [])
 
 
@@ -74,7 +81,9 @@ def trace_functions(task: MotionTask, shares: np.ndarray) -> Functions:
 
     Raises InvalidInput, naming the objective or limit, where its derivative cannot be had.
     """
-    functions = Functions(motion=trace_sample(task, scales=joint_scales(task.arm)))
+    scales = joint_scales(task.arm)
+    motion = trace_sample(task, scales=scales)
+    functions = Functions(task=task, motion=motion, spline=trace_sample_again(motion, scales))
     for term, share in zip(task.objectives, shares, strict=True):
         _add_total(functions, f"objective {term.name}", term, term.sign * float(share), np.inf)
     _add_limits(functions)
@@ -94,11 +103,14 @@ def trace_functions(task: MotionTask, shares: np.ndarray) -> Functions:
 
 
 def _add_total(functions: Functions, label: str, term: Objective | Constraint, factor: float, upper: float) -> None:
-    motion, form = functions.motion, term.form
+    task, motion, form = functions.task, functions.motion, term.form
+    if form == "integral" and task.differences == "spline":
+        kinked = has_kinks(term, task.arm, task.tasks, task.obstacles, task.link_radius)
+        motion = functions.spline if kinked else motion
     value = trace_sample_function(motion, label, term.function) if form in ("integral", "peak") else None
     if value is None:
         functions.totals.append(Total(name=term.name, kind="whole", index=len(functions.whole_functions), upper=upper))
-        functions.whole_functions.append(_whole(motion.task, label, term, factor))
+        functions.whole_functions.append(_whole(task, label, term, factor))
         return
     tape = motion.trace.tape
     entry, share = as_entry(tape, np.sign(factor) * value), tape.input()  # an input: other shares, the same evaluators
@@ -131,7 +143,7 @@ def _whole(task: MotionTask, label: str, term: Objective | Constraint, factor: f
 
 def _add_limits(functions: Functions) -> None:
     """Add the limits that are not on positions and rates themselves."""
-    task = functions.motion.task
+    task = functions.task
     if task.differences == "spline" and "velocity" in task.bounds:
         _add_inner_velocities(functions)
     _add_loads(functions)
@@ -141,7 +153,7 @@ def _add_limits(functions: Functions) -> None:
 
 
 def _add_loads(functions: Functions) -> None:
-    motion, task = functions.motion, functions.motion.task
+    motion, task = functions.motion, functions.task
     for kind in LOADS:
         if kind not in task.bounds:
             continue
@@ -154,7 +166,7 @@ def _add_loads(functions: Functions) -> None:
 
 def _add_inner_velocities(functions: Functions) -> None:
     """Add the limits on the Bernstein coefficients of velocities between samples; see ``Motion.velocity_bounds``."""
-    motion, task = functions.motion, functions.motion.task
+    motion, task = functions.motion, functions.task
     bounds = np.tile([-np.inf, np.inf], (len(task.instants), task.arm.dof, 1))
     bounds[:-1:2] = np.broadcast_to(task.bounds_at("velocity", task.instants), bounds.shape)[1::2]
     values, ranges = motion.velocity_bounds.entries, task.limit_ranges("velocity", bounds)
@@ -165,7 +177,7 @@ def _add_inner_velocities(functions: Functions) -> None:
 
 def _add_row(functions: Functions, name: str, value: Any, bounds: np.ndarray, ranges: np.ndarray) -> None:
     """Add a function of an instant between bounds (instants or 1, 2), by its smooth pieces where it has kinks."""
-    tape, instants = functions.motion.trace.tape, len(functions.motion.task.instants)
+    tape, instants = functions.motion.trace.tape, len(functions.task.instants)
     entry, both = as_entry(tape, value), np.broadcast_to(bounds, (instants, 2))
     below, above = smooth_pieces(tape, entry, -1), smooth_pieces(tape, entry, 1)
     sides = [(entry, both)]

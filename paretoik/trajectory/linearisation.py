@@ -194,12 +194,13 @@ def _basis(
         return sparse.coo_array((entries[free], (rows[free], places[free])), shape=(moves[..., 0, 0].size, columns))
 
     spline = matrix(moves)
-    moving = matrix(np.einsum("abi,bikc->aikc", chain, moves)) if chain.size else spline
+    parts = [matrix(np.einsum("abi,bikc->aikc", chain, moves)) if chain.size else spline]
+    parts += [spline] * (program.rates > program.states)
     slacks, peaks = program.slacks * instants, np.arange(program.peaks * instants)
     column = stencil.unknowns + np.concatenate([np.arange(slacks), slacks + peaks // instants])
     ones = (np.ones(len(column)), (np.arange(len(column)), column))
-    auxiliary = sparse.coo_array(ones, shape=(len(column), columns))
-    return sparse.csr_array(sparse.vstack([moving, auxiliary])), sparse.csr_array(spline), columns
+    parts.append(sparse.coo_array(ones, shape=(len(column), columns)))
+    return sparse.csr_array(sparse.vstack(parts)), sparse.csr_array(spline), columns
 
 
 def _sample_basis(program: MotionProgram, normal: np.ndarray, columns: int) -> sparse.csr_array:
@@ -289,7 +290,7 @@ def _lagrangian_hessian(
         gradient = gradient + (each.jacobian(u).T @ part)[: len(gradient)]
     by_curve = np.ascontiguousarray(gradient.reshape(orders, instants, n).swapaxes(1, 2)).reshape(-1, instants)
     by_spline = np.empty_like(by_curve)
-    chain_gradient(curve, by_curve, by_spline)
+    chain_gradient(curve, np.concatenate([by_curve, by_variable[p.states : p.rates]]), by_spline)
     by_position = _by_positions(p, by_spline.reshape(orders, n, instants), len(path_jacobian))
     right = -np.einsum("trj,tj->tr", path_jacobian, by_position)
     square = path_jacobian @ np.swapaxes(path_jacobian, -1, -2)

@@ -15,7 +15,7 @@ from paretoik.trajectory.program import MotionProgram
 def motion_kernel(program: MotionProgram) -> MotionKernel:
     """Return a program of sums and peaks as interior points take it; its registers are its own: one for a thread."""
     evaluators, stencil = program.evaluators, program.stencil
-    variables, auxiliary = len(program.variables), len(program.variables) - program.states
+    variables, auxiliary = len(program.variables), len(program.variables) - program.rates
     rows = len(program.rows) + len(program.epigraph_rows)
     row = program.limited[:, 0]
     limits = row < variables + rows  # the ties of slacks, which follow, hold as they are defined
@@ -34,6 +34,7 @@ def motion_kernel(program: MotionProgram) -> MotionKernel:
         track=evaluators.path.arrays,
         track_curvature=evaluators.path_hessian.arrays,
         curve=curve_arrays(program.task),
+        kinked=program.rates > program.states,
         neighbours=stencil.neighbours,
         coefficients=stencil.coefficients,
         first_unknown=stencil.first_unknown,
@@ -63,7 +64,7 @@ def _kinks(program: MotionProgram) -> tuple[Int[np.ndarray, "kinks 4"], int]:
     count, first_tie = program.slacks, program.sums + len(program.rows) + len(program.epigraph_rows)
     function, variable = program.evaluators.gradient_sparsity.rows, program.evaluators.gradient_sparsity.columns
     inner = [set[int]() for _ in range(count)]
-    for tie, column in zip(function - first_tie, variable - program.states, strict=True):
+    for tie, column in zip(function - first_tie, variable - program.rates, strict=True):
         if tie >= 0 and 0 <= column < count and column != tie // 2:
             inner[tie // 2].add(int(column))
     order, depths = list[int](), dict[int, int]()
@@ -73,6 +74,6 @@ def _kinks(program: MotionProgram) -> tuple[Int[np.ndarray, "kinks 4"], int]:
                 depths[j] = 1 + max((depths[k] for k in inner[j]), default=0)
                 order.append(j)
     table = [
-        (program.slack_inputs[j], program.states + j, program.evaluators.signs[j], first_tie + 2 * j) for j in order
+        (program.slack_inputs[j], program.rates + j, program.evaluators.signs[j], first_tie + 2 * j) for j in order
     ]
     return np.array(table, dtype=np.int64).reshape(-1, 4), max(depths.values(), default=0)

@@ -3,7 +3,8 @@
 The instants are the samples, with differences="spline" the middles between them too. The variables of an instant are
 u = (q, q̇, q̈, q⃛), slides measured in lengths of the arm (``joint_scales``), and slacks v if functions have kinks; peaks
 have an epigraph variable σ for the whole motion. u is linear in the positions of a few samples (``Stencil``); that of a
-spline is then projected onto the path (``curve_states``).
+spline is then projected onto the path (``curve_states``). If integrals have kinks, the u of the spline are variables
+too, behind those of the curve.
 Integral objectives are sums over instants of functions of these; limits bound u itself, or further functions such as
 torque. The path is an equation in q at every sample. Functions that relate samples to one another are
 ``WholeFunction``.
@@ -133,14 +134,19 @@ class MotionProgram:
         return self.stencil.orders * self.task.arm.dof
 
     @property
+    def rates(self) -> int:
+        """Number of entries of u, and of those of the spline if they are variables."""
+        return len(self.variables) - len(self.evaluators.auxiliary)
+
+    @property
     def slack_inputs(self) -> Int[np.ndarray, " slacks"]:
         """Which inputs are slack variables."""
-        return self.variables[self.states : self.states + self.slacks]
+        return self.variables[self.rates : self.rates + self.slacks]
 
     @property
     def peak_inputs(self) -> Int[np.ndarray, " peaks"]:
         """Which inputs are epigraph variables of peaks."""
-        return self.variables[self.states + self.slacks :]
+        return self.variables[self.rates + self.slacks :]
 
     @property
     def elastic(self) -> int:
@@ -168,7 +174,7 @@ class MotionProgram:
     def kinked(self) -> tuple[str, ...]:
         """Names of totals that have kinks, or what else has in general."""
         sparsity = self.evaluators.gradient_sparsity
-        by_slack = (sparsity.columns >= self.states) & (sparsity.columns < self.states + self.slacks)
+        by_slack = (sparsity.columns >= self.rates) & (sparsity.columns < self.rates + self.slacks)
         kinked_functions = set(sparsity.rows[by_slack].tolist())
         names = tuple(total.name for total in self.totals if total.kind != "sum" or total.index in kinked_functions)
         return names or ("an absolute value, maximum or minimum",) * bool(self.slacks)
@@ -220,7 +226,8 @@ class MotionProgram:
         inputs = self.inputs.copy()
         relative = q / joint_scales(self.task.arm)
         u = np.einsum("oik,ikj->oji", self.stencil.coefficients, relative[self.stencil.neighbours])
-        inputs[: self.states] = u.reshape(self.states, -1)
+        for first in range(0, self.rates, self.states):  # the curve, and perhaps the spline
+            inputs[self.variables[first : first + self.states]] = u.reshape(self.states, -1)
         arrays = curve_arrays(self.task)
         curve = allocate_curve(arrays, self.states)
         project_instants(arrays, curve, inputs[: self.states])

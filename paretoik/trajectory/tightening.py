@@ -230,7 +230,7 @@ def _tightened_bounds(
     curve = finer_motion(task.motion(x), OPTIONS.steps)
     half = OPTIONS.steps // task.stride
     row, instant = program.limited[:elastic].T
-    rates = row < program.states  # those of slides are measured in lengths of the arm
+    rates = row < program.rates  # those of slides are measured in lengths of the arm
     units = np.where(rates, joint_scales(task.arm)[row % task.arm.dof], 1.0)
     sides, ranges, names = program.sides[:elastic], program.ranges[:elastic], np.array(program.inequality_names)
     slack = program.values(x).inequalities * ranges + sides * (program.bounds - before)[:elastic]

@@ -50,7 +50,7 @@ def motion_program(task: MotionTask, scales: Sequence[float] | np.ndarray | None
     functions = trace_functions(task, 1.0 / divisors)
     tape, parameters = functions.motion.trace.tape, functions.motion.trace.parameters
     instants, n = len(task.instants), task.arm.dof
-    orders = _orders(functions)
+    orders, kinked = _orders(functions)
     evaluators = _evaluators(functions, _path_equations(functions, orders))
     inputs = np.zeros((evaluators.inputs, instants))
     for i, values in parameters.items():
@@ -58,15 +58,17 @@ def motion_program(task: MotionTask, scales: Sequence[float] | np.ndarray | None
     ties = len(functions.epigraph_rows) + evaluators.ties
     rows = zip(functions.bounds, functions.ranges, strict=True)
     bounds = [np.column_stack(row) for row in rows] + [np.tile([0.0, np.inf, 1.0], (instants, 1))] * ties
-    limited, sides, limits, ranges = _limits(task, orders, len(evaluators.auxiliary), bounds)
+    states = np.concatenate([np.arange(orders * n), *([4 * n + np.arange(orders * n)] if kinked else [])])
+    free = len(states) - orders * n + len(evaluators.auxiliary)
+    limited, sides, limits, ranges = _limits(task, orders, free, bounds)
     return MotionProgram(
         task=task,
         scales=divisors,
         stencil=stencil(task, orders),
         totals=tuple(functions.totals),
-        evaluators=_without_orders(evaluators, n, orders),
+        evaluators=_place_variables(evaluators, states, n),
         inputs=inputs,
-        variables=np.append(np.arange(orders * n), evaluators.auxiliary),
+        variables=np.append(states, evaluators.auxiliary),
         peaks=len(functions.epigraph_variables),
         sums=len(functions.sums),
         rows=tuple(functions.names),
@@ -104,12 +106,12 @@ def _differentiate(functions: Functions, path: list[int]) -> Evaluators:
     smooth = _reformulate(functions)
     entries = [*smooth.functions, *smooth.constraints]
     kinks = remaining_kinks(tape, smooth, functions.distances)
-    task = functions.motion.task
+    task = functions.task
     equations, of_curve = path[: task.rows], path if task.differences == "spline" else []
     multipliers = len(tape.inputs) + np.cumsum([0, task.rows + len(of_curve), len(functions.sums)])
     at_samples = _weighted_sum(tape, equations)
     lagrangian = _weighted_sum(tape, [*of_curve, *entries])
-    u, auxiliary = list(tape.inputs[: 4 * n]), [*smooth.epigraph_variables, *functions.epigraph_variables]
+    u, auxiliary = list(tape.inputs[: 8 * n]), [*smooth.epigraph_variables, *functions.epigraph_variables]
     gradients = [gradient(tape, f, [*u, *auxiliary]) for f in entries]
     zero = tape.constant(0.0)
     slopes = {(k, j): slope for k, row in enumerate(gradients) for j, slope in enumerate(row) if slope != zero}
@@ -149,7 +151,8 @@ def _reformulate(functions: Functions) -> Reformulation:
     dof = functions.motion.arm.dof
     for order, deviation in enumerate(OPTIONS.probe_range):
         size = deviation / functions.motion.duration**order
-        probes[order * dof : (order + 1) * dof] = size * rng.normal(size=(dof, OPTIONS.probes))
+        for first in (order * dof, (4 + order) * dof):
+            probes[first : first + dof] = size * rng.normal(size=(dof, OPTIONS.probes))
     for i, values in functions.motion.trace.parameters.items():
         probes[tape.entries[i][1]] = rng.choice(values, OPTIONS.probes)
     sides = [1] * len(functions.sums)
@@ -168,7 +171,7 @@ def _reformulate(functions: Functions) -> Reformulation:
 
 def _path_equations(functions: Functions, orders: int) -> list[int]:
     """Return the path equations of an instant, of a spline their derivatives too, as many as functions depend on."""
-    motion, task = functions.motion, functions.motion.task
+    motion, task = functions.motion, functions.task
     tape = motion.trace.tape
     parameters: list[list[Any]] = [[motion.trace.parameter(x) for x in part.T] for part in instant_targets(task)]
     shares = 1.0 / row_scales(task.arm, task.tasks)
@@ -185,15 +188,18 @@ def _path_equations(functions: Functions, orders: int) -> list[int]:
     return [entry for part in (equations, first, second)[:orders] for entry in part]
 
 
-def _orders(functions: Functions) -> int:
-    """Return on how many of position, velocity, acceleration and jerk functions and limits depend, 2 at least."""
-    task, tape = functions.motion.task, functions.motion.trace.tape
+def _orders(functions: Functions) -> tuple[int, bool]:
+    """Return on how many of position, velocity, acceleration and jerk functions and limits depend, 2 at least.
+
+    And whether some depend on those of the spline.
+    """
+    task, tape = functions.task, functions.motion.trace.tape
     n, entries = task.arm.dof, [*functions.sums, *functions.rows, *functions.epigraph_rows]
     inputs = [tape.entries[i][1] for i in dependencies(tape, entries) if tape.entries[i][0] is Op.INPUT]
-    local = [i // n for i in inputs if i < 4 * n]
+    local = [i % (4 * n) // n for i in inputs if i < 8 * n]
     local += [ORDERS.index(kind) for kind in task.bounds if kind in ORDERS]
     wholes = [int(i) // (n * len(task.instants)) for each in functions.whole_functions for i in each.columns]
-    return 1 + max([1, *local, *wholes])
+    return 1 + max([1, *local, *wholes]), any(4 * n <= i < 8 * n for i in inputs)
 
 
 def _limits(
@@ -228,17 +234,15 @@ def _simple_bounds(task: MotionTask, kind: str, free: np.ndarray) -> np.ndarray:
     return table / joint_scales(task.arm)[:, None]
 
 
-def _without_orders(evaluators: Evaluators, dof: int, orders: int) -> Evaluators:
-    """Return evaluators whose derivatives are placed by the variables of the first orders, v and σ."""
-
-    def place(variables: np.ndarray) -> np.ndarray:
-        return np.where(variables >= 4 * dof, variables - (4 - orders) * dof, variables)
-
+def _place_variables(evaluators: Evaluators, states: np.ndarray, dof: int) -> Evaluators:
+    """Return evaluators whose derivatives are placed by the variables: inputs ``states``, then v and σ."""
+    place = np.zeros(8 * dof + len(evaluators.auxiliary), dtype=np.int64)
+    place[np.append(states, np.arange(8 * dof, len(place)))] = np.arange(len(states) + len(evaluators.auxiliary))
     first, second = evaluators.gradient_sparsity, evaluators.hessian_sparsity
     return replace(
         evaluators,
-        gradient_sparsity=Sparsity(rows=first.rows, columns=place(first.columns)),
-        hessian_sparsity=Sparsity(rows=place(second.rows), columns=place(second.columns)),
+        gradient_sparsity=Sparsity(rows=first.rows, columns=place[first.columns]),
+        hessian_sparsity=Sparsity(rows=place[second.rows], columns=place[second.columns]),
     )
 
 

@@ -27,7 +27,7 @@ from scipy.optimize import linprog
 
 from paretoik.verification.arm_model import ArmModel
 from paretoik.verification.between_checks import finer_motion, project, project_curve
-from paretoik.verification.library_objectives import Terms, objective_terms
+from paretoik.verification.library_objectives import Terms, is_own_integral, objective_terms
 from paretoik.verification.measured_motion import MeasuredMotion, measure
 from paretoik.verification.motion_limits import clearance_range, limit_shares
 from paretoik.verification.options import OPTIONS, TOLERANCES
@@ -37,7 +37,7 @@ from paretoik.verification.run_contents import RunContents
 from paretoik.verification.table_checks import certified_ranges
 
 SUBJECTS = ("criticality by differences", "weights by differences")
-CRITICAL = ("minimum", "saddle", "converged")  # statuses that claim criticality
+CRITICAL = ("minimum", "saddle", "converged", "under-resolved")  # statuses that claim criticality
 
 
 def check_certificate(
@@ -61,6 +61,9 @@ def check_certificate(
     some = weights if known else np.full(len(size), 1.0 / len(size))
     try:
         gain, weighted, steepest = _gains(task, model, objectives, signs / size, some, time, q, accepted)
+        if gain > accepted and any(is_own_integral(each) for each in objectives):
+            kinked = _gains(task, model, objectives, signs / size, some, time, q, accepted, own_kinks=True)
+            gain, weighted, steepest = min((gain, weighted, steepest), kinked)
     except UndecidedError as fault:
         reason = str(fault)
     except Exception as fault:  # a user's function may raise anything
@@ -169,6 +172,8 @@ def _gains(
     time: np.ndarray,
     q: np.ndarray,
     accepted: float,
+    *,
+    own_kinks: bool = False,
 ) -> tuple[float, float, float]:
     """Return the gain of all objectives at once, that of their weighted sum, and that of the steepest alone.
 
@@ -178,7 +183,10 @@ def _gains(
 
     def evaluate(d: np.ndarray) -> list[Terms]:
         motion = measure(model, task, time, near.move(d))
-        terms = [objective_terms(each, motion, factor) for each, factor in zip(objectives, factors, strict=True)]
+        terms = [
+            objective_terms(each, motion, factor, own_kinks=own_kinks)
+            for each, factor in zip(objectives, factors, strict=True)
+        ]
         return [*terms, _limit_terms(task, motion)]
 
     at = _linearise(near, evaluate, np.zeros(near.size))

@@ -42,9 +42,19 @@ class Terms:
     weights: np.ndarray | None
 
 
-def objective_terms(objective: Any, motion: MeasuredMotion, factor: float) -> Terms:
-    """Return an objective times a factor, which is negative if it is maximised, as terms to minimise."""
+def is_own_integral(objective: Any) -> bool:
+    """Return whether an objective is a user's integral: it may have kinks."""
+    return bool(objective.form == "integral") and not _library_name(objective)
+
+
+def objective_terms(objective: Any, motion: MeasuredMotion, factor: float, *, own_kinks: bool = False) -> Terms:
+    """Return an objective times a factor, which is negative if it is maximised, as terms to minimise.
+
+    Integrals with kinks are those of the spline; users' are if ``own_kinks`` says that they have some.
+    """
     name, count = _library_name(objective), motion.time.shape[1]
+    if objective.form == "integral" and (name in ABSOLUTE or (own_kinks and not name)):
+        motion = motion.spline
     instants, weights = np.arange(count), motion.weights if objective.form == "integral" else None
     if name in ABSOLUTE and factor > 0:
         values = factor * ABSOLUTE[name](motion)[0]

@@ -32,6 +32,12 @@ class MeasuredMotion:
     weights: np.ndarray
     link_radius: float = 0.0
     coefficients: np.ndarray | None = None
+    of_spline: MeasuredMotion | None = None
+
+    @property
+    def spline(self) -> MeasuredMotion:
+        """The motion of the spline that is not projected: of this integrals with kinks are minimised."""
+        return self if self.of_spline is None else self.of_spline
 
     @property
     def velocity_bounds(self) -> np.ndarray:
@@ -160,19 +166,21 @@ def measure(model: ArmModel, task: Any, time: np.ndarray, q: np.ndarray) -> Meas
     curve = rebuild(time, q, differences=differences, cyclic=cyclic, ends_at_rest=rest)
     dq, ddq, jerk = rates(curve, time, q, differences=differences, cyclic=cyclic)
     t = instants_of(time, differences)
-    bounds = None
+    bounds, spline = None, None
+    weights, radius = quadrature(time, differences), float(getattr(task, "link_radius", 0.0))
+
+    def measured(state: tuple[np.ndarray, ...], **settings: Any) -> MeasuredMotion:
+        rows: dict[str, Any] = dict(
+            zip(("q", "dq", "ddq", "jerk"), (np.asarray(part)[None] for part in state), strict=True)
+        )
+        return MeasuredMotion(
+            model=model, task=task, time=t[None], weights=weights, link_radius=radius, **rows, **settings
+        )
+
     if differences == "spline":
         state = np.array(curve(t)), dq, ddq
+        spline = measured((*state, jerk))
         q, dq, ddq = curve_states(model, task.tasks, state, t) if getattr(task, "tasks", ()) else state
         bounds = np.array(dq)[None]  # a parabola's coefficient is v + h a / 2 of the sample before
         bounds[0, 1::2] += dq[:-1:2] + np.diff(time)[:, None] / 2 * ddq[:-1:2] - dq[1::2]
-    weights = quadrature(time, differences)
-    rows = {"time": t, "q": q, "dq": dq, "ddq": ddq, "jerk": jerk}
-    return MeasuredMotion(
-        model=model,
-        task=task,
-        weights=weights,
-        coefficients=bounds,
-        link_radius=float(getattr(task, "link_radius", 0.0)),
-        **{name: np.asarray(values)[None] for name, values in rows.items()},
-    )
+    return measured((q, dq, ddq, jerk), coefficients=bounds, of_spline=spline)

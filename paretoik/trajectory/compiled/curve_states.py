@@ -265,23 +265,30 @@ def _keep_spline(work, p):
 
 @compiled
 def chain_directions(work, du):
-    """Overwrite directions (variables, instants) of the spline's state by those of the curve's."""
-    chain = work.chain
-    by_spline = du[:, : chain.shape[2]].copy()
-    for a in range(len(du)):
-        for b in range(len(du) if chain.shape[2] else 0):
-            for p in range(chain.shape[2]):
-                du[a, p] = (du[a, p] if b else 0.0) + chain[a, b, p] * by_spline[b, p]
+    """Overwrite directions (states, instants) of the spline's state by those of the curve's; those behind keep them."""
+    states, _, instants = work.chain.shape
+    if not instants:
+        return
+    by_spline = du[:states].copy()
+    if len(du) > states:
+        du[states:] = by_spline
+    du[:states] = 0.0
+    for a in range(states):
+        for b in range(states):
+            for p in range(instants):
+                du[a, p] += work.chain[a, b, p] * by_spline[b, p]
 
 
 @compiled
 def chain_gradient(work, gradient, out):
-    """Write a gradient by the spline's state, from one by the curve's."""
+    """Write a gradient by the spline's state, from one by the curve's and, behind it, by the spline's own."""
     chain = work.chain
     if not chain.shape[2]:
         out[:] = gradient
         return
     out[:] = 0.0
+    if len(gradient) > len(out):
+        out[:] = gradient[len(out) :]
     for a in range(len(out)):
         for b in range(len(out)):
             for p in range(chain.shape[2]):

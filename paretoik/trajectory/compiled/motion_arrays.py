@@ -28,6 +28,7 @@ class MotionKernel(NamedTuple):
     track: tuple[np.ndarray, ...]
     track_curvature: tuple[np.ndarray, ...]
     curve: Curve
+    kinked: bool  # whether the spline's u are variables too, behind those of the curve
     neighbours: np.ndarray
     coefficients: np.ndarray
     first_unknown: np.ndarray
@@ -75,7 +76,7 @@ class Workspace(NamedTuple):
     objective_gradients: np.ndarray  # (K, time, dof) of sums by q
     by_row: np.ndarray  # (U + G, instants): a number a variable and a limited row
     gradient_u: np.ndarray  # (U, instants)
-    gradient_spline: np.ndarray  # (U, instants): what it is by the spline's state
+    gradient_spline: np.ndarray  # (states, instants): what it is by the spline's state
     gradient_q: np.ndarray  # (time, dof)
     du: np.ndarray  # (U, instants)
     projected: np.ndarray  # (unknowns,)
@@ -100,7 +101,8 @@ def allocate(kernel, n):
     """Return the workspace for motions of n joints."""
     samples, instants = sample_count(kernel), len(kernel.ones)
     slacks, unknowns = len(kernel.kinks), kernel.unknowns
-    variables = kernel.coefficients.shape[0] * n
+    states = kernel.coefficients.shape[0] * n
+    variables = 2 * states if kernel.kinked else states
     rows = len(kernel.curve.row_scales)
     sums = kernel.multipliers[2] - kernel.multipliers[1]
     limited = len(kernel.row_peaks)
@@ -108,7 +110,7 @@ def allocate(kernel, n):
     by_slack = np.zeros((6, slacks, instants))
     return Workspace(
         kernel.inputs.copy(),
-        allocate_curve(kernel.curve, variables),
+        allocate_curve(kernel.curve, states),
         kernel.inputs[:, :: kernel.stride].copy(),
         np.empty((rows + rows * n, samples)),
         np.empty((n * n, samples)),
@@ -122,7 +124,7 @@ def allocate(kernel, n):
         np.zeros((sums, samples, n)),
         np.zeros((variables + limited, instants)),
         np.zeros((variables, instants)),
-        np.zeros((variables, instants)),
+        np.zeros((states, instants)),
         np.zeros((samples, n)),
         np.zeros((variables, instants)),
         np.zeros(unknowns),

@@ -57,8 +57,10 @@ def add_auxiliary(kernel, work, x):
 @compiled
 def _write_states(kernel, work, x):
     """Write the variables u of all instants at a point."""
-    u = work.inputs[: len(work.gradient_u)]
+    u, n = work.inputs[: len(work.gradient_spline)], len(kernel.scales)
     self_motion_steps.apply_stencil(x, kernel.neighbours, kernel.coefficients, u)
+    if kernel.kinked:
+        work.inputs[4 * n : 4 * n + len(u)] = u
     curve_states.project_instants(kernel.curve, work.curve, u)
 
 
@@ -180,7 +182,7 @@ def prepare_multipliers(kernel, work, weights):
     self_motion_steps.path_multipliers(work.gradient_q, work.normal, work.triangle, nu)
     if kernel.curve.projects:
         by_curve = work.gradient_spline
-        by_curve[:] = work.gradient_u
+        by_curve[:] = work.gradient_u[: len(by_curve)]
         for total in range(len(weights)):
             k = kernel.totals[total]
             for a in range(len(by_curve) if k >= 0 and weights[total] != 0.0 else 0):
@@ -200,7 +202,8 @@ def residual_norm(kernel, residual):
 def assemble(kernel, work, stiffness, A, B, C):
     """Add up the second derivatives of the Lagrangian and the stiffness of the limits, sample by sample."""
     variables, samples = work.gradient_u.shape
-    behind = 2 * variables if kernel.curve.projects else variables  # the spline's u, behind those of the curve
+    states = len(work.gradient_spline)
+    behind = 2 * states if kernel.curve.projects else variables  # the spline's u, behind those of the curve
     local = np.zeros((behind, kernel.coefficients.shape[2] * work.tangent.shape[2]))
     phi, row, half = np.zeros((behind, behind)), np.empty(variables), np.zeros(local.shape)
     run(kernel.curvature, work.inputs, work.seconds)
@@ -210,7 +213,7 @@ def assemble(kernel, work, stiffness, A, B, C):
     for s in range(samples):
         clear(phi)
         _add_sample_hessian(kernel, work, s, row, phi[:variables, :variables])
-        curve_states.add_twist(work.curve, s, phi[variables:, variables:])
+        curve_states.add_twist(work.curve, s, phi[states:, states:])
         self_motion_steps.add_hessian(
             s,
             phi,
