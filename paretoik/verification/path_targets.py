@@ -109,18 +109,21 @@ def curve_states(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return positions and rates (time, dof) of a spline's projection along its own normal directions.
 
-    Derivatives of these are differences. If the spline is too far from the path, its own state is returned.
+    Derivatives of these are differences of the fourth order. If the spline is too far from the path, its own state is
+    returned.
     """
     targets = [(task, path_points(task.path, t), path_rates(task.path, t)) for task in tasks]
     states = np.array(spline)
     for k in range(len(t)):
         s, ds, dds = (part[k] for part in spline)
         step = OPTIONS.turn / max(np.abs(ds).max(), np.sqrt(np.abs(dds).max()), 1e-12)
-        before, directions, after = (
+        around = [
             model.scales[:, None] ** 2 * _task_system(model, targets, s + x * ds + x * x / 2 * dds, k)[1].T
-            for x in (-step, 0.0, step)
-        )
-        turn, bend = (after - before) / (2 * step), (after - 2 * directions + before) / step**2
+            for x in step * np.arange(-2.0, 3.0)
+        ]
+        directions = around[2]
+        turn = np.tensordot([1.0, -8.0, 0.0, 8.0, -1.0], around, 1) / (12 * step)
+        bend = np.tensordot([-1.0, 16.0, -30.0, 16.0, -1.0], around, 1) / (12 * step**2)
         q, size = s.copy(), np.inf
         for _ in range(12):
             miss, jacobian = _task_system(model, targets, q, k)

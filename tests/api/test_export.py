@@ -12,6 +12,7 @@ import paretoik as pk
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.joint_trajectory.controller import Controller
 from paretoik.robot.dynamics import inverse_dynamics
+from paretoik.task.between import finer_motion
 from problems import panda
 from tests.joint_trajectory.motions import MOTIONS, PANDA, bench, swing
 
@@ -208,7 +209,8 @@ def test_an_optimum_passes_the_controller_with_the_limits_that_it_was_planned_wi
     best = pk.plan(problem, starts=3).best
     assert best.status == "converged"
     assert best.violation_between == 0.0
-    assert problem.task.violations(best.motion).max() > -1e-3
+    shares = [problem.task.violations(each).max() for each in (best.motion, finer_motion(best.motion, 20))]
+    assert max(shares) > -1e-3  # the bound of a velocity, or what is limited itself, is at its limit
     assert_exportable(problem.task, best.motion, tmp_path / "motion.npz")
 
 

@@ -107,7 +107,7 @@ def test_observe_sees_every_generation_as_the_user_knows_it(problem):
         ("generation", number, 6) for number in range(1, 7)
     ]
     assert [progress.generation.number for progress in seen] == [1, 2, 3, 4, 5, 6]
-    volumes = [progress.generation.hypervolume for progress in seen]
+    volumes = [progress.generation.hypervolume or 0.0 for progress in seen]  # None while nothing is feasible
     assert volumes == sorted(volumes)
     assert volumes[-1] > 0
     last = seen[-1].generation

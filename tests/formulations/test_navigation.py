@@ -189,7 +189,7 @@ def test_a_part_of_a_front_gives_no_id_of_the_whole_again(plain):
 
 def test_what_is_on_hold_gets_no_worse():
     front = pk.epsilon_front(MAKERS["three"](), points=8, starts=8, observe=False)
-    start = max(front.ids, key=lambda id: front.certificates.weights[front[int(id)].index].min())
+    start = max(front.ids, key=lambda id: front.certificates.weights[front[int(id)].index, 1:].min())
     before = front[int(start)]
     moved = front.navigate(before, improve="kinetic_energy", hold="joint_travel", by=0.02 * np.ptp(front.ranges[0]))
     change = moved.navigated.objectives - before.objectives
