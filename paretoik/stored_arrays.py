@@ -24,6 +24,7 @@ class StoredArrayOptions:
 
 
 OPTIONS = StoredArrayOptions()
+FORMER_NAMES = {"kkt_residual": "criticality"}  # of columns
 
 
 def read_arrays(content: bytes) -> dict[str, np.ndarray]:
@@ -41,7 +42,10 @@ def read_arrays(content: bytes) -> dict[str, np.ndarray]:
 
 
 def read_table(content: bytes) -> Any:
-    """Return the Arrow table of a Parquet file; raises ValueError, or what Arrow raises, for other content."""
+    """Return the Arrow table of a Parquet file, columns of earlier runs by today's names.
+
+    Raises ValueError, or what Arrow raises, for other content.
+    """
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -51,7 +55,8 @@ def read_table(content: bytes) -> Any:
     if metadata.num_rows > OPTIONS.most_rows or size > OPTIONS.most_bytes:
         raise ValueError(f"a table that declares {metadata.num_rows} rows and {size} bytes in a file of {len(content)}")
     # Without a thread: those of read_table may abort the interpreter as it ends (apache/arrow#34314).
-    return file.read(use_threads=False)
+    table = file.read(use_threads=False)
+    return table.rename_columns([FORMER_NAMES.get(name, name) for name in table.column_names])
 
 
 def _declared_bytes(stream: Any) -> int:

@@ -109,7 +109,7 @@ def certified_front(
     individuals, ids = points.individuals, ids[rows]
     rows = front_rows(individuals.objectives / ranges)
     final = ranges_of(individuals.objectives[rows]) if len(rows) else ranges  # of what the front has become
-    confirmed = int((points.certificates.kkt_residual[rows] <= CERTIFICATES.critical).sum())
+    confirmed = int((points.certificates.criticality[rows] <= CERTIFICATES.critical).sum())
     certificates = points.certificates[rows].rescale(ranges, final)
     method = chosen_solver(formulation.program(ranges), solver)
     return Front(
@@ -168,7 +168,7 @@ def _keep_minima(
     if before.certificates is None:
         return points
     former = before.certificates.rescale(widths_of(before), ranges)[rows]
-    minima = (former.status == "minimum") & (former.kkt_residual <= CERTIFICATES.critical)
+    minima = (former.status == "minimum") & (former.criticality <= CERTIFICATES.critical)
     minima &= former.violation_between <= OPTIONS.between
     rise = (points.individuals.objectives - before.minimised[rows]) / ranges
     better = (rise < -OPTIONS.tolerance).any(axis=1) & (rise <= OPTIONS.tolerance).all(axis=1)

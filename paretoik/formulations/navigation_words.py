@@ -118,7 +118,7 @@ def _how(front: Front, request: NavigationRequest, destination: Destination, is_
 
 
 def _certified(certificate: Certificates) -> str:
-    residual, status = float(certificate.kkt_residual[0]), str(certificate.status[0])
+    residual, status = float(certificate.criticality[0]), str(certificate.status[0])
     at, between = float(certificate.violation[0]), float(certificate.violation_between[0])
     return f"Certificate: {status}, residual {residual:.1e}, violation {at:.1e} at samples, {between:.1e} between."
 

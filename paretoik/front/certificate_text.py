@@ -18,7 +18,7 @@ def certificate_text(certificates: Certificates) -> str:
     values, counts = np.unique(certificates.status, return_counts=True)
     statuses = ", ".join(f"{count} {status}" for status, count in zip(values, counts, strict=True))
     lines = [
-        f"certified: {statuses or 'no point'}; criticality {_worst(certificates.kkt_residual) or 'unknown'}, "
+        f"certified: {statuses or 'no point'}; criticality {_worst(certificates.criticality) or 'unknown'}, "
         f"{_violation_text(certificates)}"
     ]
     if errors := _worst(certificates.discretisation_error.max(axis=1, initial=0.0)):

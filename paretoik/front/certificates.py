@@ -25,7 +25,7 @@ class Certificates:
 
     violation: the worst of all limits at the samples, as a share of a limit's range
     violation_between: upper bound of that at any time
-    kkt_residual: criticality χ, the improvement that all objectives can still gain at once, as shares of the front's
+    criticality: criticality χ, the improvement that all objectives can still gain at once, as shares of the front's
         ranges
     weights: multipliers (points, n_obj) of the objectives over these ranges, their sum 1
     exchange_rates: [p, i, j] is ∂f_j/∂f_i with the others fixed, in natural units; NaN if f_i or f_j has no weight, the
@@ -42,7 +42,7 @@ class Certificates:
 
     violation: Values
     violation_between: Values
-    kkt_residual: Values
+    criticality: Values
     weights: Float[np.ndarray, "points n_obj"]
     exchange_rates: Float[np.ndarray, "points n_obj n_obj"]
     exchange_intervals: Float[np.ndarray, "points n_obj n_obj 2"]
@@ -73,6 +73,11 @@ class Certificates:
         """Which points (points,) may be only weakly optimal: some objective has no weight there."""
         return np.asarray(self.weights.min(axis=1) < WEIGHT_TOLERANCE)
 
+    @property
+    def kkt_residual(self) -> Values:
+        """The former name of ``criticality``."""
+        return self.criticality
+
     def __len__(self) -> int:
         return len(self.violation)
 
@@ -94,7 +99,7 @@ class Certificates:
         factors = others / ranges
         weights = self.weights * factors
         weights = weights / weights.sum(axis=1, keepdims=True)
-        return replace(self, weights=weights, kkt_residual=self.kkt_residual / factors.min())
+        return replace(self, weights=weights, criticality=self.criticality / factors.min())
 
     def replace_rows(self, rows: Int[np.ndarray, " rows"], others: Certificates) -> Certificates:
         """Return the certificates with those of ``rows`` replaced."""

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from paretoik.errors import InvalidInput
 from paretoik.inputs import shown
 
-RESERVED_NAMES = ("id", "violation", "violation_between", "kkt_residual", "status")
+RESERVED_NAMES = ("id", "violation", "violation_between", "criticality", "kkt_residual", "status")
 
 
 def check_names(names: Sequence[str], units: Sequence[str]) -> None:

@@ -265,9 +265,9 @@ def _critical_row(front: Front, choice: Choice | int | None, verb: str) -> int:
     row = row_of(front, id, name=verb)
     if front.certificates is None:
         raise InvalidInput(f"{verb}: wants a front with certificates, such as refine(front), got one without")
-    residual = float(front.certificates.kkt_residual[row])
+    residual = float(front.certificates.criticality[row])
     if not residual <= DEFAULTS.critical:
-        critical = front.ids[front.certificates.kkt_residual <= DEFAULTS.critical]
+        critical = front.ids[front.certificates.criticality <= DEFAULTS.critical]
         others = f"critical are {listed(map(str, critical))}" if len(critical) else "refine the front first"
         raise InvalidInput(
             f"{verb}: wants a critical point, got point {front.ids[row]} of residual {residual:.1e}: {others}"

@@ -2,7 +2,7 @@
 
 `run.json` (``run_files``) gets the front's provenance, its objectives, and the SHA-256 digests of the other files, so
 that a cut, altered or foreign file is refused before any parser sees it. `front.parquet` has one row a point: id, one
-column an objective, violation, violation_between, kkt_residual, status, reason (null where not computed).
+column an objective, violation, violation_between, criticality, status, reason (null where not computed).
 `motions.npz` has id, genes, joint_names (dof,), time (points, time), q (points, time, dof), and of certified points
 weights (points, n_obj), exchange_rates (points, n_obj, n_obj) and exchange_intervals (points, n_obj, n_obj, 2).
 """
@@ -39,7 +39,7 @@ from paretoik.run_files import (
 from paretoik.stored_arrays import read_arrays, read_table
 
 RESERVED_ENTRIES = ("format", "objectives", "points", "files", "digest")
-CERTIFICATE_COLUMNS = ("violation_between", "kkt_residual")
+CERTIFICATE_COLUMNS = ("violation_between", "criticality")
 CERTIFICATE_TEXTS = ("status", "reason")
 CERTIFICATE_ARRAYS = ("weights", "exchange_rates", "exchange_intervals")
 LATER_ARRAYS = ("discretisation_error",)  # earlier runs have none
@@ -164,7 +164,7 @@ def _run_entries(front: Front) -> dict[str, Any]:
 
 
 def _certificates(table: dict[str, Any], arrays: dict[str, np.ndarray]) -> Certificates | None:
-    if "kkt_residual" not in table or not all(name in arrays for name in CERTIFICATE_ARRAYS):
+    if "criticality" not in table or not all(name in arrays for name in CERTIFICATE_ARRAYS):
         return None
     return Certificates(
         **{name: table[name] for name in ("violation", *CERTIFICATE_COLUMNS, "status")},

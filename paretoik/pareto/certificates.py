@@ -107,7 +107,7 @@ def certify(
     certified = Certificates(
         violation=violation,
         violation_between=np.maximum(violation, violation_between),
-        kkt_residual=np.array([each.residual for each in certificates]).reshape(count),
+        criticality=np.array([each.residual for each in certificates]).reshape(count),
         weights=weights,
         exchange_rates=exchange_rates(weights, ratios, ranges, signs),
         exchange_intervals=exchange_intervals(ratios, ranges, signs),

@@ -45,16 +45,15 @@ def check_certificate(
 ) -> Iterator[Check]:
     """Check the criticality of a point if the run claims one, and its weights if it has any."""
     point, status = int(run.ids[row]), status_of(run, row)
-    residual = float(run.table["kkt_residual"][row]) if "kkt_residual" in run.table else np.nan
+    stated = "objective" not in run.entries and "criticality" in run.table
+    residual = float(run.table["criticality"][row]) if stated else np.nan
     if status not in CRITICAL and np.isnan(residual):
         return
     size, weights = _sizes(run, row), np.ones(1)
     if "objective" not in run.entries:
         weights = np.asarray(run.motions["weights"][row]) if "weights" in run.motions else np.full(len(size), np.nan)
         excess = max(residual - TOLERANCES.criticality, 0.0) if status in CRITICAL else 0.0
-        yield demand(
-            "certificates", not excess, f"{status!r} claims criticality, kkt_residual is {residual:.3g}", point=point
-        )
+        yield demand("certificates", not excess, f"{status!r} wants criticality 0, got {residual:.3g}", point=point)
     accepted = TOLERANCES.criticality + (0.0 if status in CRITICAL else max(residual, 0.0))
     signs = np.array([-1.0 if each.get("maximised") else 1.0 for each in run.objectives])
     known, reason = bool(np.isfinite(weights).all()), ""

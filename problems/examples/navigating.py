@@ -33,7 +33,7 @@ moved = moved.navigate(moved.navigated, improve="kinetic_energy", to=0.040)
 now = moved.navigated
 print(f"{len(front)} points became {len(moved)}; now point {now.id}: {now.objectives}")
 certificate = moved.certificates[now.index : now.index + 1]
-print(f"its certificate: {certificate.status[0]}, residual {certificate.kkt_residual[0]:.0e}")
+print(f"its certificate: {certificate.status[0]}, residual {certificate.criticality[0]:.0e}")
 
 # %% [markdown]
 # Where a move will lead is predicted in milliseconds, by the derivatives at its start: not certified, and no point of

@@ -24,7 +24,7 @@ print(f"refined: {front}")
 
 # %%
 certificates = front.certificates
-print(f"statuses: {', '.join(sorted(set(certificates.status)))}; worst residual {certificates.kkt_residual.max():.1e}")
+print(f"statuses: {', '.join(sorted(set(certificates.status)))}; worst residual {certificates.criticality.max():.1e}")
 print(
     f"worst violation at samples {certificates.violation.max():.1e}, between {certificates.violation_between.max():.1e}"
 )

@@ -129,7 +129,7 @@ def certified_rows(case: str, problem: pk.DirectionalMaxima, members: Sequence[R
     fronts = [one.front for one in members if one.front is not None]
     certificates = [front.certificates for front in fronts if front.certificates is not None]
     minima = np.concatenate([each.status == "minimum" for each in certificates])
-    residual = np.concatenate([each.kkt_residual for each in certificates])
+    residual = np.concatenate([each.criticality for each in certificates])
     quantities = problem.configurations.quantities
     each = [
         pk.directional_maxima(problem.arm, problem.actuation, problem.position, way[None], quantity=quantity).values

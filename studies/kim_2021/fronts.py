@@ -189,9 +189,9 @@ def time_energy_rows(one: TimeEnergy) -> list[Row]:
         (
             "critical points",
             f"of {len(values)}",
-            float(np.sum(certificates.kkt_residual <= CRITICAL)),
+            float(np.sum(certificates.criticality <= CRITICAL)),
             None,
-            f"{statuses}; criticality at most {certificates.kkt_residual.max():.1e}, limits violated by "
+            f"{statuses}; criticality at most {certificates.criticality.max():.1e}, limits violated by "
             f"{certificates.violation.max():.1e} at samples",
         ),
         (

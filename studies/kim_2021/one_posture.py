@@ -89,7 +89,7 @@ def one_posture_rows(one: OnePosture) -> list[Row]:
             "certified minima",
             f"of {len(shares)}",
             float(np.sum(certificates.status == "minimum")),
-            f"stationary within {certificates.kkt_residual.max():.1e}, limits kept within "
+            f"stationary within {certificates.criticality.max():.1e}, limits kept within "
             f"{certificates.violation.max():.1e}",
         ),
         ("IPOPT's gain from them, at most", "", largest, f"{prefix}it ended at {len(ended)} optima of {len(shares)}"),

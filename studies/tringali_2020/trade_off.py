@@ -60,7 +60,7 @@ def figure_14(trade_off: TradeOff) -> list[Row]:
     rows += [
         _row(masses, "front", "points", "", len(front), f"{inequality}; bends {', '.join(bends)}"),
         _row(masses, "front", "certified minima", "", minima, "by second-order certificates; locally"),
-        _row(masses, "front", "worst criticality", "", float(certificates.kkt_residual.max()), "share of the ranges"),
+        _row(masses, "front", "worst criticality", "", float(certificates.criticality.max()), "share of the ranges"),
         _row(masses, "front", "worst violation", "", max(worst, 0.0), f"{between:.1e} between samples"),
         _row(masses, "front", "points off the convex hull", "", off, weights),
         _row(masses, "front", "time", "s", trade_off.seconds, f"ours: {machine()}"),

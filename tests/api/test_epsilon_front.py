@@ -17,7 +17,7 @@ def test_points_are_shown_as_they_come_and_all_are_certified(problem):
     assert list(dict.fromkeys(words)) == ["", "better places sought", "jumps searched"]
     assert all(progress.done == 5 for progress, word in zip(points, words, strict=True) if word)
     assert (seen[-1].stage, seen[-1].done) == ("certification", len(front))
-    assert front.certificates.kkt_residual.max() <= 1e-6
+    assert front.certificates.criticality.max() <= 1e-6
     assert front.provenance["settings"] == {
         "points": 5,
         "starts": 6,

@@ -83,7 +83,7 @@ def test_an_epsilon_front_returns_the_points_so_far_and_says_which_are_certified
     late = front.certificates.reason == "interrupted before it was certified"
     assert late.sum() == len(front) - 3 if stage == "certification" else late.all()
     assert (front.certificates.status[late] == "undetermined").all()
-    assert np.isnan(front.certificates.kkt_residual[late]).all()
+    assert np.isnan(front.certificates.criticality[late]).all()
 
 
 def test_a_refinement_keeps_the_points_that_it_came_to():

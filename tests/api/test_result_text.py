@@ -87,9 +87,9 @@ def test_why_points_are_undetermined_is_printed_and_what_is_unknown_is_no_number
     certificates = front.certificates
     reasons = ["", "Clarabel: stuck", "criticality 1e-3: more", "criticality 2e-3: more", ""]
     status = np.array(["undetermined" if reason else "minimum" for reason in reasons])
-    residual = np.where(np.arange(5) == 1, np.nan, certificates.kkt_residual)
+    residual = np.where(np.arange(5) == 1, np.nan, certificates.criticality)
     weights = np.where(np.arange(5)[:, None] == 1, np.nan, certificates.weights)
-    unclear = replace(certificates, status=status, reason=np.array(reasons), kkt_residual=residual, weights=weights)
+    unclear = replace(certificates, status=status, reason=np.array(reasons), criticality=residual, weights=weights)
     text = certificate_text(unclear)
     assert "nan" not in text
     assert text.splitlines()[1].startswith("values off those of the curves by at most")
@@ -97,7 +97,7 @@ def test_why_points_are_undetermined_is_printed_and_what_is_unknown_is_no_number
         "undetermined: 2 of 5, criticality: more",
         "undetermined: 1 of 5, Clarabel: stuck",
     ]
-    nothing = replace(certificates, kkt_residual=np.full(5, np.nan))
+    nothing = replace(certificates, criticality=np.full(5, np.nan))
     assert "criticality unknown, limits violated by at most" in certificate_text(nothing)
     unknown = np.full(5, np.nan)
     for changed, words in (
@@ -107,13 +107,13 @@ def test_why_points_are_undetermined_is_printed_and_what_is_unknown_is_no_number
     ):
         assert re.search(words, certificate_text(replace(certificates, **changed)).splitlines()[0])
     entry = to_json(entries(replace(front, certificates=unclear)))[1]["certificate"]
-    assert (entry["kkt_residual"], entry["weights"], entry["reason"]) == (None, [None, None], "Clarabel: stuck")
+    assert (entry["criticality"], entry["weights"], entry["reason"]) == (None, [None, None], "Clarabel: stuck")
 
 
 def test_every_entry_has_its_certificate_by_name(front):
     every = entries(front)
     assert [entry["certificate"]["status"] for entry in every] == front.certificates.status.tolist()
-    assert every[2]["certificate"]["kkt_residual"] == front.certificates.kkt_residual[2]
+    assert every[2]["certificate"]["criticality"] == front.certificates.criticality[2]
 
 
 def test_a_refined_run_is_printed_stored_and_drawn_with_its_certificates(tmp_path, monkeypatch, capsys):
@@ -139,4 +139,4 @@ def test_a_refined_run_is_printed_stored_and_drawn_with_its_certificates(tmp_pat
         parse_constant=pytest.fail,
     )
     stored = load_front(out, problem)
-    assert chosen["certificate"]["kkt_residual"] == stored.certificates.kkt_residual[0]
+    assert chosen["certificate"]["criticality"] == stored.certificates.criticality[0]

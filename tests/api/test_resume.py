@@ -51,7 +51,7 @@ def check_same_front(resumed: pk.Front, whole: pk.Front) -> None:
     assert (resumed.certificates is None) == (whole.certificates is None)
     for name in () if whole.certificates is None else ("status", "reason"):
         assert np.array_equal(getattr(resumed.certificates, name), getattr(whole.certificates, name)), name
-    for name in () if whole.certificates is None else ("kkt_residual", "weights", "exchange_rates"):
+    for name in () if whole.certificates is None else ("criticality", "weights", "exchange_rates"):
         values = (getattr(front.certificates, name) for front in (resumed, whole))
         assert np.array_equal(*values, equal_nan=True), name
 

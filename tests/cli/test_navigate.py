@@ -50,7 +50,7 @@ def test_the_run_gains_the_point_and_loses_nothing(paretoik, run):
     assert np.array_equal(after.objectives[rows], before.objectives)
     assert np.array_equal(after.motions.q[rows], before.motions.q)
     assert after.navigated.id not in before.ids
-    assert after.certificates.kkt_residual[after.navigated.index] <= 1e-6
+    assert after.certificates.criticality[after.navigated.index] <= 1e-6
 
 
 def test_another_folder_leaves_the_run_as_it_was(paretoik, run, tmp_path):

@@ -137,7 +137,7 @@ def all_forces(name, q):
 def test_no_posture_of_all_pushes_harder_both_ways_and_their_front_is_the_refined_one(name):
     refined = pk.solve(forces(DRIVES[name]), population=40, generations=30, seed=1, points=40, refine=True)
     assert (refined.certificates.status == "minimum").all()
-    assert refined.certificates.kkt_residual.max() <= 1e-7
+    assert refined.certificates.criticality.max() <= 1e-7
     everything = all_forces(name, all_postures(20_000))
     everything = everything[np.isfinite(everything).all(axis=1)]
     size = everything.max(axis=0)

@@ -45,7 +45,7 @@ def certified(problem, *, scales=(1.0, 1.0), maximised=(False, False)):
     certificates = Certificates(
         violation=zeros,
         violation_between=zeros,
-        kkt_residual=zeros,
+        criticality=zeros,
         weights=weights,
         exchange_rates=rates,
         exchange_intervals=np.stack([rates, rates], axis=-1),

@@ -28,7 +28,7 @@ def certified(residual=0.0, weights=None):
     return Certificates(
         violation=np.zeros(3),
         violation_between=np.zeros(3),
-        kkt_residual=np.full(3, residual),
+        criticality=np.full(3, residual),
         weights=weights,
         exchange_rates=-np.ones((3, 3, 3)),
         exchange_intervals=-np.ones((3, 3, 3, 2)),

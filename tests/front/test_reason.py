@@ -142,7 +142,7 @@ def with_certificates(front: Front, weights: np.ndarray) -> Front:
         certificates=Certificates(
             violation=zeros,
             violation_between=zeros,
-            kkt_residual=zeros,
+            criticality=zeros,
             weights=weights * widths / (weights * widths).sum(axis=1, keepdims=True),
             exchange_rates=rates,
             exchange_intervals=np.stack([rates, rates], axis=-1),

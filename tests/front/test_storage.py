@@ -15,6 +15,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from paretoik.errors import InvalidInput, InvalidRun
+from paretoik.front.certificates import Certificates
 from paretoik.front.front import Front
 from paretoik.run_files import MOTIONS, RUN, TABLE
 
@@ -95,10 +96,33 @@ def test_an_empty_front_is_kept_too(tmp_path):
 def test_the_table_is_readable_by_others_with_units_and_empty_certificates(front, tmp_path):
     front.save(tmp_path)
     table = pq.read_table(tmp_path / TABLE)
-    expected = ["id", "energy", "reach", "violation", "violation_between", "kkt_residual", "status", "reason"]
+    expected = ["id", "energy", "reach", "violation", "violation_between", "criticality", "status", "reason"]
     assert table.column_names == expected
     assert table.schema.field("energy").metadata == {b"unit": b"J s"}
     assert [table.column(name).null_count for name in expected] == [0, 0, 0, 0, 5, 5, 5, 5]
+
+
+def test_criticality_is_read_by_its_former_name_too(front, tmp_path):
+    points, n = front.objectives.shape
+    rates = np.full((points, n, n), np.nan)
+    certificates = Certificates(
+        violation=np.zeros(points),
+        violation_between=np.zeros(points),
+        criticality=np.linspace(0.0, 1e-7, points),
+        weights=np.full((points, n), 1 / n),
+        exchange_rates=rates,
+        exchange_intervals=np.stack([rates, rates], axis=-1),
+        status=np.full(points, "minimum"),
+    )
+    replace(front, certificates=certificates).save(tmp_path)
+    table = pq.read_table(tmp_path / TABLE)
+    names = ["kkt_residual" if name == "criticality" else name for name in table.column_names]
+    stream = io.BytesIO()
+    pq.write_table(table.rename_columns(names), stream)
+    reseal(tmp_path, TABLE, stream.getvalue())
+    loaded = Front.load(tmp_path).certificates
+    np.testing.assert_array_equal(loaded.criticality, certificates.criticality)
+    np.testing.assert_array_equal(loaded.kkt_residual, certificates.criticality)
 
 
 def test_the_run_file_is_strict_json_with_what_the_run_says_of_itself(front, tmp_path):

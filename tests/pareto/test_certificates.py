@@ -25,7 +25,7 @@ def test_minima_are_called_minima_with_the_weights_that_made_them():
     program, ranges = sketched(2, ellipses), np.array([2.0, 25.0])
     certificate = certificates(program, placed(ellipses, [ellipses_best(share) for share in SHARES]), ranges)
     assert certificate.status.tolist() == ["minimum"] * 4
-    assert certificate.kkt_residual.max() <= 1e-9
+    assert certificate.criticality.max() <= 1e-9
     assert certificate.violation.max() <= 1e-12
     weights = np.stack([SHARES, 1 - SHARES], axis=1) * ranges
     assert certificate.weights == pytest.approx(weights / weights.sum(axis=1, keepdims=True), rel=1e-6)
@@ -58,7 +58,7 @@ def test_a_saddle_is_called_one_and_the_valleys_beside_it_minima(place):
     program = sketched(2, saddle)
     root = np.sqrt(0.5)
     certificate = certificates(program, placed(saddle, [[place, 0.0], [place, root], [place, -root]]))
-    assert certificate.kkt_residual.max() <= 1e-6
+    assert certificate.criticality.max() <= 1e-6
     assert certificate.status.tolist() == ["saddle", "minimum", "minimum"]
     assert certificate.weights == pytest.approx(np.tile([1 - place, place], (3, 1)), abs=1e-6)
 
@@ -78,7 +78,7 @@ def test_what_could_gain_in_both_is_not_critical_and_past_limits_says_by_how_muc
     program = sketched(2, ellipses, lambda x: ([], [0.8 - x[0]]))
     certificate = certificates(program, placed(ellipses, [[0.3, 0.9], [1.0, 0.5]]), (2.0, 25.0))
     assert certificate.status[0] == "undetermined"
-    assert certificate.kkt_residual[0] > 1e-2
+    assert certificate.criticality[0] > 1e-2
     assert certificate.violation == pytest.approx([0.0, 0.2])
     assert np.array_equal(certificate.violation_between, certificate.violation)
 
@@ -99,11 +99,11 @@ def test_a_solver_that_fails_at_one_point_leaves_that_one_undetermined_with_its_
     assert certificate.status.tolist() == ["minimum", "undetermined", "minimum", "minimum"]
     assert [reason != "" for reason in certificate.reason] == [False, True, False, False]
     assert certificate.reason[1].endswith("got InsufficientProgress")
-    assert np.isnan(certificate.kkt_residual[1])
+    assert np.isnan(certificate.criticality[1])
     assert np.isnan(certificate.exchange_rates[1, [0, 1], [1, 0]]).all()
     assert certificate.violation[1] == clean.violation[1]
     others = [0, 2, 3]
-    for name in ("kkt_residual", "weights", "exchange_rates", "exchange_intervals"):
+    for name in ("criticality", "weights", "exchange_rates", "exchange_intervals"):
         assert np.array_equal(getattr(certificate, name)[others], getattr(clean, name)[others])
 
 

@@ -193,7 +193,7 @@ def test_ways_of_the_front_are_certified_minima(way):
     problem, points, front = way
     certificates = front.certificates
     assert 2 <= len(front) <= points
-    assert certificates.kkt_residual.max() <= 1e-6
+    assert certificates.criticality.max() <= 1e-6
     assert certificates.violation.max() <= 1e-8
     for status, reason in zip(certificates.status, certificates.reason, strict=True):
         assert (

@@ -33,7 +33,7 @@ def test_refining_leads_to_the_front_and_gains_in_everything():
     assert good.all()
     assert (refined_points[:, 2:] <= z[:, 2:] + 1e-8).all()
     certified = certificates(program, refined_points, ranges)
-    assert certified.kkt_residual.max() <= 1e-6
+    assert certified.criticality.max() <= 1e-6
     assert set(certified.status) == {"minimum"}
     shares = certified.weights / ranges
     shares = shares[:, 0] / shares.sum(axis=1)
@@ -74,7 +74,7 @@ def test_points_that_a_solver_stops_short_of_are_led_on_to_critical_ones_no_wors
             _, solved = refinement.refine(program, z, 2)
     assert not solved.all()
     assert good.all()
-    assert certificates(program, refined_points).kkt_residual.max() <= 1e-8
+    assert certificates(program, refined_points).criticality.max() <= 1e-8
     assert (refined_points[:, 2:] <= z[:, 2:] + 1e-8).all()
 
 

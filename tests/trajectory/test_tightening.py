@@ -44,7 +44,7 @@ def test_refining_again_leaves_minima_as_they_are_or_betters_them(front):
     np.testing.assert_array_equal(again.ids, front.ids)
     assert (again.minimised <= front.minimised + 1e-9 * widths).all()
     assert (again.certificates.status == "minimum").all()
-    assert again.certificates.kkt_residual.max() <= 1e-6
+    assert again.certificates.criticality.max() <= 1e-6
     assert again.certificates.violation_between.max() <= 1e-9
 
 

@@ -248,7 +248,7 @@ def _certificate(front: Front, row: int) -> str:
     assert certificates is not None
     lines = [
         f"- {certificates.status[row]} (local)" + (f": {certificates.reason[row]}" if certificates.reason[row] else ""),
-        f"- criticality χ {certificates.kkt_residual[row]:.2g} of the objectives' ranges: what all could still gain at "
+        f"- criticality χ {certificates.criticality[row]:.2g} of the objectives' ranges: what all could still gain at "
         "once",
         f"- violation {certificates.violation[row]:.2g} at samples, {certificates.violation_between[row]:.2g} between, "
         "of a limit's range",

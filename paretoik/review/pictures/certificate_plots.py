@@ -93,7 +93,7 @@ def _draw_trade(axes: Axes, front: Front, certificates: Certificates, pair: tupl
 def _draw_residuals(axes: Axes, certificates: Certificates) -> None:
     places = np.arange(len(certificates))
     for values, name, colour in (
-        (certificates.kkt_residual, "criticality", PAPER.accents[1]),
+        (certificates.criticality, "criticality", PAPER.accents[1]),
         (certificates.violation, "violation", PAPER.accents[0]),
         (certificates.violation_between, "between samples", PAPER.quiet),
     ):

@@ -151,7 +151,7 @@ class ReportPage:
         return {
             "violation": (violated, certificates.violation),
             "between samples": (between, certificates.violation_between),
-            "criticality": (critical, certificates.kkt_residual),
+            "criticality": (critical, certificates.criticality),
         } | {
             f"error of {name}": (f"how far {name} is off its value on the motion's curve", errors)
             for name, errors in zip(front.names, certificates.discretisation_error.T, strict=True)

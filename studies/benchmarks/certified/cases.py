@@ -202,6 +202,6 @@ def certificate_rows(subject: Subject) -> list[Row]:
         ),
         goal_row(table, row, "values recomputed by Pinocchio", share, recomputed, RECOMPUTED),
         goal_row(table, row, "worst tracking error", "m, rad", off, TRACKED),
-        goal_row(table, row, "worst kkt_residual", share, float(certificates.kkt_residual.max()), CRITICAL),
+        goal_row(table, row, "worst criticality", share, float(certificates.criticality.max()), CRITICAL),
         goal_row(table, row, "not a minimum", "points", points - counts["minimum"], 0, statuses),
     ]

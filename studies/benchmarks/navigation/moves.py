@@ -66,7 +66,7 @@ def try_move(
     to.whole.append(whole)
     to.step.append(note["seconds"])
     to.followed.append(note["followed"])
-    residual, violation = moved.certificates.kkt_residual[choice.index], moved.certificates.violation[choice.index]
+    residual, violation = moved.certificates.criticality[choice.index], moved.certificates.violation[choice.index]
     to.certified.append(bool(note["share"] == 1.0 and residual <= OPTIONS.critical and violation <= OPTIONS.violation))
     ours = moved.minimised[choice.index]
     dominating = (front.minimised <= ours).all(axis=1) & (front.minimised < ours).any(axis=1)

@@ -90,7 +90,7 @@ def certified() -> Front:
         certificates=Certificates(
             violation=np.zeros(2),
             violation_between=np.zeros(2),
-            kkt_residual=np.zeros(2),
+            criticality=np.zeros(2),
             weights=np.full((2, 2), 0.5),
             exchange_rates=rates,
             exchange_intervals=np.full((2, 2, 2, 2), np.nan),

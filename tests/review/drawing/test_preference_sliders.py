@@ -73,7 +73,7 @@ def test_what_is_dragged_is_predicted_in_grey_and_gone_once_a_certified_point_is
     assert view.sliders.state["kind"] == "certified"
     assert view.choice.id not in ids
     assert view.choice.objectives == pytest.approx([to, predicted], rel=1e-4)
-    assert view.front.certificates.kkt_residual[view.choice.index] <= 1e-6
+    assert view.front.certificates.criticality[view.choice.index] <= 1e-6
     assert view.selected.tolist() == [view.choice.id]
     shown = sent(view, tmp_path)[f"{PANEL}/front"]
     assert present(shown, "labels") == [f"point {number}" for number in view.front.ids]

@@ -21,7 +21,7 @@ def certified(front, statuses):
     certificates = Certificates(
         violation=np.zeros(points),
         violation_between=rng.uniform(1e-6, 1e-3, points),
-        kkt_residual=rng.uniform(1e-12, 1e-8, points),
+        criticality=rng.uniform(1e-12, 1e-8, points),
         weights=rng.dirichlet(np.ones(n_obj), points),
         exchange_rates=rates,
         exchange_intervals=np.stack([rates, rates], axis=-1),

@@ -207,7 +207,7 @@ def test_what_certificates_say_is_held_against_the_goals(honest, spoiled):
     fine, poor = ({row.column: row for row in certificate_rows(one)} for one in (honest, spoiled))
     assert not any(row.note.startswith(LOSS) for row in fine.values())
     assert {column for column, row in poor.items() if row.note.startswith(LOSS)} == {
-        "worst kkt_residual",
+        "worst criticality",
         "not a minimum",
     }
     assert poor["not a minimum"].note == f"{LOSS}1 undetermined"
