@@ -46,7 +46,8 @@ class Motion:
 
     - "spline": those of the curve, as ``state`` has them. The curve is a cubic spline that passes within about δ⁴q/36
       of the inner samples, projected. Objectives and limits are evaluated on ``instants``, the samples and the middles
-      between them, integrals by Simpson's rule. ``ends_at_rest`` makes the spline end with velocity 0.
+      between them, integrals by Simpson's rule; those with kinks on ``of_spline``. ``ends_at_rest`` makes the spline
+      end with velocity 0.
     - "backward" as in Tringali & Cocuzza 2020 (v₀ = a₀ = 0, vᵢ = (qᵢ − qᵢ₋₁)/Δt, aᵢ = (vᵢ − vᵢ₋₁)/Δt, integrals by the
       rectangle at the right end), or "central" (second order, integrals by the trapezoid rule). They are differences of
       the samples, as papers have them, not derivatives of the curve: ``state`` differs from ``dq`` and ``ddq`` by their
