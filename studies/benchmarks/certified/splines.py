@@ -1,4 +1,8 @@
-"""IPOPT's program of a motion by splines: every derivative at every instant is a linear function of the samples."""
+"""IPOPT's program of a motion by splines: the state of a spline is a linear function of the samples.
+
+At every instant it is projected onto the path along the transposed Jacobian there. The multipliers of this projection,
+and their rates, are unknowns; the path equations and their two derivatives by time are constraints.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +13,8 @@ import casadi
 import numpy as np
 from casadi import SX, vertcat
 
+from paretoik.robot.scales import joint_scales
+from paretoik.task.joint_curve import target_rates
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.spline import evaluate_with_midpoints, fit_spline
 from studies.benchmarks.fronts.programs import (
@@ -52,14 +58,16 @@ def check(task: MotionTask) -> None:
 def _written(task: MotionTask) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     check(task)
     samples, dof, count, instants = len(task.times), task.arm.dof, len(task.objectives), len(task.instants)
-    tops = len(peaks(task))
-    unknowns: Any = casadi.MX.sym("x", dof * samples + tops)
+    tops, first = len(peaks(task)), dof * samples
+    unknowns: Any = casadi.MX.sym("x", first + tops + 3 * task.rows * instants)
     p: Any = casadi.MX.sym("p", 2 * count)
-    x, top = casadi.reshape(unknowns[: dof * samples], dof, samples), unknowns[dof * samples :]
-    q, rate, acceleration = (
-        x @ casadi.MX(casadi.sparsify(casadi.DM(matrix.T))) for matrix in derivative_matrices(task)
+    x, top = casadi.reshape(unknowns[:first], dof, samples), unknowns[first : first + tops]
+    spline = [x @ casadi.MX(casadi.sparsify(casadi.DM(matrix.T))) for matrix in derivative_matrices(task)]
+    multipliers = casadi.reshape(unknowns[first + tops :], 3 * task.rows, instants)
+    wanted = np.concatenate([part.T for part in target_rates(task.tasks, task.instants)])
+    worth, limited, off, q, rate, acceleration = _at_instant(task).map(instants)(
+        casadi.vertcat(*spline), multipliers, casadi.DM(wanted), casadi.repmat(top, 1, instants)
     )
-    worth, limited = _at_instant(task).map(instants)(q, rate, acceleration, casadi.repmat(top, 1, instants))
     epigraph = iter(casadi.vertsplit(top) if tops else ())
     integrals = casadi.vertsplit(worth @ casadi.MX(task.weights))
     totals: Any = vertcat(
@@ -73,13 +81,13 @@ def _written(task: MotionTask) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
         (limited, np.tile(low, instants), np.tile(high, instants)),
         (inner, *_sides(task, "velocity", samples - 1)),
         (q[:, 1::2], *_sides(task, "position", samples - 1)),
-        (at_path, np.zeros(at_path.numel()), np.zeros(at_path.numel())),
+        *((each, np.zeros(each.numel()), np.zeros(each.numel())) for each in (at_path, off)),
         (totals / p[count:], np.full(count, -np.inf), np.full(count, np.inf)),
     ]
     positions = _sides(task, "position", samples)
     sides = {
-        "lbx": np.append(positions[0], np.zeros(tops)),
-        "ubx": np.append(positions[1], np.full(tops, np.inf)),
+        "lbx": np.concatenate([positions[0], np.zeros(tops), np.full(multipliers.numel(), -np.inf)]),
+        "ubx": np.append(positions[1], np.full(tops + multipliers.numel(), np.inf)),
         "lbg": np.concatenate([each[1] for each in parts]),
         "ubg": np.concatenate([each[2] for each in parts]),
     }
@@ -88,12 +96,26 @@ def _written(task: MotionTask) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
 
 
 def _at_instant(task: MotionTask) -> Any:
-    q, rate, acceleration, top = (
-        SX.sym(name, size)
-        for name, size in (("q", task.arm.dof), ("v", task.arm.dof), ("a", task.arm.dof), ("top", len(peaks(task))))
-    )
-    shares, limited = at_sample(task, q, rate, acceleration, SX(0, 1), top)
-    return casadi.Function("instant", [q, rate, acceleration, top], [shares, limited])
+    """Return a function of an instant: of spline, multipliers, targets, each with two rates, and peaks.
+
+    Its values are shares of integrals, what is limited, how far the curve is off its path, and the curve's state.
+    """
+    dof, rows, numbers = task.arm.dof, task.rows, task.targets.shape[1]
+    spline, factors, wanted = SX.sym("s", 3 * dof), SX.sym("l", 3 * rows), SX.sym("x", 3 * numbers)
+    top, pose = SX.sym("top", len(peaks(task))), pose_function(task)
+    known: Any = vertcat(*(each[: 2 * size] for each, size in ((spline, dof), (factors, rows), (wanted, numbers))))
+    rates: Any = vertcat(*(each[size:] for each, size in ((spline, dof), (factors, rows), (wanted, numbers))))
+
+    def with_rates(value: Any) -> list[Any]:
+        first = casadi.jtimes(value, known, rates)
+        return [value, first, casadi.jtimes(first, known, rates)]
+
+    jacobian: Any = casadi.jacobian(pose(spline[:dof], wanted[:numbers]), spline[:dof])
+    weights = casadi.DM(np.diag(joint_scales(task.arm) ** 2))
+    curve: Any = with_rates(spline[:dof] + weights @ jacobian.T @ factors[:rows])
+    off: Any = with_rates(pose(curve[0], wanted[:numbers]))
+    shares, limited = at_sample(task, *curve, SX(0, 1), top)
+    return casadi.Function("instant", [spline, factors, wanted, top], [shares, limited, vertcat(*off), *curve])
 
 
 def _sides(task: MotionTask, kind: str, times: int) -> tuple[np.ndarray, np.ndarray]:

@@ -48,7 +48,9 @@ class JointProgram:
         upper = self.sides["ubg"].copy()
         upper[-count:] = ceilings / ranges
         solver = self.solvers[warm]
-        x0, p = pack(self.task, q), np.concatenate([weights, ranges])
+        x0, p = np.zeros(len(self.sides["lbx"])), np.concatenate([weights, ranges])
+        packed = pack(self.task, q)
+        x0[: len(packed)] = packed  # unknowns behind these are multipliers
         end = solver(x0=x0, p=p, **{**self.sides, "ubg": upper})
         stats = solver.stats()
         motion = unpack(self.task, np.asarray(end["x"]).ravel())
