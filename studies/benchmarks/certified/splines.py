@@ -114,7 +114,8 @@ def _at_instant(task: MotionTask) -> Any:
     weights = casadi.DM(np.diag(joint_scales(task.arm) ** 2))
     curve: Any = with_rates(spline[:dof] + weights @ jacobian.T @ factors[:rows])
     off: Any = with_rates(pose(curve[0], wanted[:numbers]))
-    shares, limited = at_sample(task, *curve, SX(0, 1), top)
+    q, rate, acceleration = curve
+    shares, limited = at_sample(task, q, rate, acceleration, SX(0, 1), top)
     return casadi.Function("instant", [spline, factors, wanted, top], [shares, limited, vertcat(*off), *curve])
 
 
