@@ -44,7 +44,7 @@ class CorrectionOptions(NamedTuple):
     qp: QpOptions
 
 
-@compiled(what="the continuation of optima", seconds=15)
+@compiled(what="the continuation of optima", seconds=20)
 def correct(kernel, x, multipliers, weights, rows, upper, options):
     """Return (point, multipliers, F, corrections, changes, whether the optimum was found) of a goal near a guess.
 

@@ -63,7 +63,7 @@ from paretoik.nlp.solutions import (
 )
 
 
-@compiled(what="the interior-point method", seconds=15)
+@compiled(what="the interior-point method", seconds=25)
 def minimise(kernel, x, weights, rows, upper, options, stop):
     """Minimise weights · F from x where rows · F ≤ upper, an infinite bound being none, until ``stop[0]`` is not 0.
 

@@ -137,7 +137,7 @@ def add_product(model, which, factor, vector, out):
             out[size + e] += factor * C[e, f] * vector[size + f]
 
 
-@compiled(what="the derivatives of a program", seconds=5)
+@compiled(what="the derivatives of a program", seconds=10)
 def first_order(kernel, x, objectives):
     """Return (F, ∂F, c, columns and entries of the rows of ∂c, whether they are finite and h has full rank) at x."""
     problem = refer(kernel)

@@ -39,7 +39,7 @@ class PredictionOptions(NamedTuple):
     qp: QpOptions
 
 
-@compiled(what="the prediction of optima", seconds=15)
+@compiled(what="the prediction of optima", seconds=20)
 def predict(kernel, x, multipliers, weights, rows, upper, options):
     """Return (point, multipliers, whether there is one): the optimum of a goal by the models at that of another one.
 
