@@ -52,7 +52,7 @@ class VerificationOptions:
     bisections: int = 14  # halvings of an interval in which a collision cannot be excluded
     sections: int = 60  # golden sections of a link: below the rounding of its length
     end_accelerations: int = 3  # accelerations that the one at a free end is continued from, at most
-    turn: float = 5e-3  # rad, or the arm's length: largest joint motion in differences of normal directions
+    turn: float = 1e-3  # rad, or the arm's length: largest joint motion in differences of normal directions
     newton_steps: int = 30  # steps of a projection onto the path
 
 
