@@ -131,7 +131,7 @@ def test_a_point_of_a_stopped_run_outlives_its_resumption(paretoik, mine, tmp_pa
     out, reference = tmp_path / "run", f"{mine}:good"
     problem = load_problem(reference)
     pk.epsilon_front(problem, points=2, starts=2, observe=False)  # compiles, which takes longer than the limit
-    pk.epsilon_front(problem, points=10**4, starts=2, time_limit=5.0, observe=False, out=out, reference=reference)
+    pk.epsilon_front(problem, points=10**4, starts=2, time_limit=10.0, observe=False, out=out, reference=reference)
     stopped = load_front(out)
     assert stopped.provenance["status"] == "time limit"
     start = stopped.ids[stopped.certificates.status == "minimum"][-1]
