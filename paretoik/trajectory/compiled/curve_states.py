@@ -151,6 +151,7 @@ def linearise_instants(curve, work):
     )
     run(curve.slopes, work.inputs, work.bends.reshape((3 * rows * n, instants)))
     jacobian, velocity, acceleration = work.bends[0], work.bends[1], work.bends[2]
+    turn, bend = work.directions[1].transpose((1, 2, 0)), work.directions[2].transpose((1, 2, 0))
     _write_gains(jacobian, work.directions, inverse, gains)
     for o in range(3):
         for p in range(instants):
@@ -167,13 +168,13 @@ def linearise_instants(curve, work):
     _add_product(gains[0], jacobian, -1.0, free)
     _add_product(free, held[0], 1.0, rates[0])
     _add_bend(inverse, jacobian, -1.0, held[0], along, moves[0])
-    _add_turn(work.directions[1], moves[0], 1.0, held[1])
+    _add_product(turn, moves[0], 1.0, held[1])
     _add_product(free, held[1], 1.0, rates[1])
     _add_bend(gains[0], velocity, -1.0, rates[0], along, rates[1])
     _add_bend(inverse, jacobian, -1.0, held[1], along, moves[1])
     _add_bend(inverse, velocity, -1.0, rates[0], along, moves[1])
-    _add_turn(work.directions[2], moves[0], 1.0, held[2])
-    _add_turn(work.directions[1], moves[1], 2.0, held[2])
+    _add_product(bend, moves[0], 1.0, held[2])
+    _add_product(turn, moves[1], 2.0, held[2])
     _add_product(free, held[2], 1.0, rates[2])
     _add_bend(gains[0], acceleration, -1.0, rates[0], along, rates[2])
     _add_bend(gains[0], velocity, -2.0, rates[1], along, rates[2])
@@ -218,16 +219,6 @@ def _add_product(left, right, factor, out):
             for j in range(right.shape[1]):
                 for p in range(out.shape[2]):
                     out[i, j, p] += factor * left[i, k, p] * right[k, j, p]
-
-
-@compiled
-def _add_turn(turn, moves, factor, out):
-    """Add factor · turn moves; ``turn`` (instants, dof, rows) stands instant first."""
-    for i in range(turn.shape[1]):
-        for k in range(turn.shape[2]):
-            for j in range(moves.shape[1]):
-                for p in range(out.shape[2]):
-                    out[i, j, p] += factor * turn[p, i, k] * moves[k, j, p]
 
 
 @compiled
