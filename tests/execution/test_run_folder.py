@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -202,32 +201,46 @@ def test_wherever_a_process_is_killed_while_it_moves_a_run_nothing_of_it_is_lost
 
 
 PLANTED = """
-import os, sys
+import os, shutil, sys
 from pathlib import Path
 from paretoik.errors import InvalidInput
 from paretoik.execution.run_folder import claim_folder
 from paretoik.file_replacement import only_writer, replace_files
 from paretoik.run_files import write_run
-folder, elsewhere, last, events = Path(sys.argv[1]), Path(sys.argv[2]), int(sys.argv[3]), 0
-names = ".former-run", ".former-run.part", ".saved", f".saved.{os.getpid()}", "checkpoint"
-within = "checkpoint/source", f"checkpoint/source/.saved.{os.getpid()}", "checkpoint/source/.saved"
-def plant(event, arguments):
-    global events
-    if event in ("open", "os.mkdir", "os.rename", "os.rmdir", "os.remove", "shutil.rmtree"):
-        events += 1
-        for i, name in enumerate((*within, *names) if events == last else ()):
-            if (folder / name).is_dir() and not (folder / name).is_symlink():
-                (folder / name).rename(folder / f"away{i}")
-                (folder / name).symlink_to(elsewhere)
-sys.addaudithook(plant)
-try:
-    with claim_folder(folder, overwrite=True):
-        write_run(folder, {"status": "running"})
-        with only_writer(folder, "checkpoint", "source") as source:
-            replace_files(source, {"run.json": b"new"})
-        raise InvalidInput("the end")
-except InvalidInput:
-    print(events)
+root, elsewhere = Path(sys.argv[1]), Path(sys.argv[2])
+def claim(folder, last):
+    names = ".former-run", ".former-run.part", ".saved", f".saved.{os.getpid()}", "checkpoint"
+    within = "checkpoint/source", f"checkpoint/source/.saved.{os.getpid()}", "checkpoint/source/.saved"
+    events = 0
+    def plant(event, arguments):
+        nonlocal events
+        if event in ("open", "os.mkdir", "os.rename", "os.rmdir", "os.remove", "shutil.rmtree"):
+            events += 1
+            for i, name in enumerate((*within, *names) if events == last else ()):
+                if (folder / name).is_dir() and not (folder / name).is_symlink():
+                    (folder / name).rename(folder / f"away{i}")
+                    (folder / name).symlink_to(elsewhere)
+    sys.addaudithook(plant)
+    try:
+        with claim_folder(folder, overwrite=True):
+            write_run(folder, {"status": "running"})
+            with only_writer(folder, "checkpoint", "source") as source:
+                replace_files(source, {"run.json": b"new"})
+            raise InvalidInput("the end")
+    except InvalidInput:
+        return events
+last = events = 1
+while last <= events:
+    shutil.copytree(root / "run", root / str(last))
+    seen, told = os.pipe()
+    if not os.fork():
+        os.write(told, str(claim(root / str(last), last)).encode())
+        os._exit(0)
+    os.close(told)
+    events, last = int(os.read(seen, 20)), last + 1
+    os.close(seen)
+    os.wait()
+print(events)
 """
 
 
@@ -238,14 +251,10 @@ def test_whenever_a_link_takes_the_place_of_a_folder_within_nothing_changes_wher
     for name in (*CONTENTS[:3], "source/run.json"):
         (tmp_path / "elsewhere" / name).write_text("precious")
     before = {file: file.stat() for file in (tmp_path / "elsewhere").rglob("*")}
-    last = events = 1
-    while last <= events:
-        shutil.copytree(tmp_path / "run", tmp_path / str(last))
-        command = [sys.executable, "-c", PLANTED, tmp_path / str(last), tmp_path / "elsewhere", str(last)]
-        events = int(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
-        assert {file: file.stat() for file in (tmp_path / "elsewhere").rglob("*")} == before
-        last += 1
-    assert last > 20
+    command = [sys.executable, "-c", PLANTED, tmp_path, tmp_path / "elsewhere"]
+    ended = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert int(ended.stdout) > 20
+    assert {file: file.stat() for file in (tmp_path / "elsewhere").rglob("*")} == before
 
 
 def test_a_checkpoint_that_is_a_link_is_removed_and_not_followed(tmp_path):
