@@ -38,10 +38,10 @@ def test_a_solver_is_named_for_refining(paretoik, mine, tmp_path):
     assert (refused.code, out.exists()) == (2, False)
     assert "solver: wants refine=True, got 'sqp' without it" in refused.err
     ended = paretoik(
-        "solve", f"{mine}:good", "--out", out, *SMALL, "--refine", "--solver", "sqp", "--points", "6", "--quiet"
+        "solve", f"{mine}:good", "--out", out, *SMALL, "--refine", "--solver", "sqp", "--points", "2", "--quiet"
     )
     assert ended.code == 0
-    assert len(load_front(out)) == 6
+    assert len(load_front(out)) == 2
     assert load_front(out).provenance["settings"]["solver"] == "sqp"
 
 
