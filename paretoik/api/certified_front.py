@@ -13,7 +13,7 @@ from paretoik.api.certificate_time import LaterStages, LaterTime
 from paretoik.api.progress import Observer, count_observer
 from paretoik.arrays import Genes, Ids, Point, Points
 from paretoik.fingerprint.fingerprint import fingerprint
-from paretoik.formulations.protocol import Differentiable, Individuals, exceeded_between
+from paretoik.formulations.protocol import Differentiable, Individuals, added_samples, exceeded_between
 from paretoik.front.certificates import Certificates
 from paretoik.front.front import Front
 from paretoik.front.indicators import ranges_of, widths_of
@@ -126,6 +126,7 @@ def certified_front(
             "fingerprint": fingerprint(problem),
             **provenance,
             **confirmation(method, confirmed, len(rows)),
+            **added_samples(problem),
         },
         problem=problem,
     )

@@ -13,6 +13,7 @@ from paretoik.api.certified_front import certified_front
 from paretoik.api.initial import initial_points, remembered_points
 from paretoik.api.least_violating import infeasible_recorded
 from paretoik.api.progress import Observer
+from paretoik.api.refine import resolve_front
 from paretoik.api.review_front import review_front
 from paretoik.api.run_session import RunSession, Subject, run_session
 from paretoik.api.sweep_display import SweepDisplay
@@ -178,6 +179,7 @@ def _sweep(problem: Any, formulation: Differentiable, initial: Points | None, se
         observe=session.observe,
         later=display.later,
     )
+    front = resolve_front(front, solver, session.observe)
     display.finish(front)
     counts = {"points": len(front), "levels": display.levels, "seconds": round(session.seconds, 3)}
     ending = {"status": session.stopped_by or "epsilon", "counts": counts, "computed": session.provenance["computed"]}

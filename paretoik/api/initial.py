@@ -115,7 +115,7 @@ def remembered_points(x: Points | None) -> Points | None:
 
 def remembered_motions(problem: Any, motions: Motion | None) -> Motion | None:
     """Return motions to start from; of a run that goes on those that it began with."""
-    values = remembered(INITIAL, lambda: {"q": np.asarray(motions.q)} if isinstance(motions, Motion) else {})
+    values = remembered(INITIAL, lambda: {"q": problem.motion_points(motions)} if isinstance(motions, Motion) else {})
     return motions if motions is not None or "q" not in values else problem.task.motion(values["q"])
 
 

@@ -10,6 +10,7 @@ from paretoik.api.run_problem import check_problem_argument, how_to_name, named_
 from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidRun
 from paretoik.fingerprint.fingerprint import check_fingerprint
+from paretoik.formulations.protocol import at_samples_of
 from paretoik.formulations.stored_motions import restore_motions
 from paretoik.front.front import Front
 from paretoik.front.subset import attach
@@ -47,6 +48,7 @@ def with_problem(front: Front, folder: Path, problem: Any) -> Front:
         return front
     wish = f"{folder}: wants the problem that the run solved"
     check_fingerprint(whole, front.provenance.get("fingerprint"), wish=wish)
+    whole = at_samples_of(whole, getattr(front.motions, "q", None))
     try:
         motions = restore_motions(whole, front)
     except InvalidRun as fault:

@@ -11,6 +11,7 @@ from paretoik.api.run_problem import check_problem_argument, how_to_name, named_
 from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput, InvalidRun
 from paretoik.fingerprint.fingerprint import check_fingerprint
+from paretoik.formulations.protocol import at_samples_of
 from paretoik.formulations.stored_motions import motions_of_task
 from paretoik.inputs import file_path
 from paretoik.run_files import MOTIONS
@@ -38,6 +39,7 @@ def load_plan(folder: str | Path, problem: Any = None) -> Plan:
         how = how_to_name(run.get("problem"))
         raise InvalidInput(f"{folder}: the problem wanted that was planned, got none; {how}")
     check_fingerprint(problem, run.get("fingerprint"), wish=f"{folder}: wants the problem that was planned")
+    problem = at_samples_of(problem, stored.q)
     try:
         motions = motions_of_task(problem, stored, columns["id"])
     except InvalidRun as fault:

@@ -43,7 +43,7 @@ class PlanDisplay:
         if self._show is not None:
             broken = level.describe_violation(self._problem.task) or f"{len(level.optima)} distinct optima"
             words = f"{len(level.starts)} starts, {broken}"
-            self._show(level.samples, len(self._problem.task.times), words)
+            self._show(level.samples, max(level.samples, len(self._problem.task.times)), words)
 
     def infeasible_end(self, nearest: LeastViolating) -> PlanEnd:
         """Return the end of a plan without a feasible motion."""

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from paretoik.api.certificate_time import LaterStages, LaterTime
+from paretoik.api.certified_front import OPTIONS as CERTIFIED
 from paretoik.api.certified_front import certified_front, no_worse
-from paretoik.api.progress import Observer, count_observer
+from paretoik.api.progress import Observer, RunProgress, count_observer
 from paretoik.api.refinement_display import RefinementDisplay, improved_points
 from paretoik.api.review_front import review_front
 from paretoik.api.run_session import Subject, run_session
@@ -21,16 +23,16 @@ from paretoik.api.verb_session import computing, verb_session
 from paretoik.arrays import Genes, Ids, Point, Points, Values
 from paretoik.call_arguments import check_call
 from paretoik.compilation_notices import computing_clock
-from paretoik.errors import InvalidInput
+from paretoik.errors import InvalidInput, ParetoikError
 from paretoik.execution.executor import check_workers
 from paretoik.execution.run_folder import check_other_folder
-from paretoik.execution.time_limit import check_time_limit
+from paretoik.execution.time_limit import check_time_limit, time_is_up
 from paretoik.fingerprint.fingerprint import check_fingerprint
-from paretoik.formulations.protocol import Differentiable, require_feasible
+from paretoik.formulations.protocol import Differentiable, at_samples_of, require_feasible
 from paretoik.formulations.requirements import require_program
 from paretoik.front.front import Front
 from paretoik.front.indicators import ranges_of
-from paretoik.front.provenance import SOLVERS
+from paretoik.front.provenance import ADDED_SAMPLES, SOLVERS
 from paretoik.inputs import check_flag, file_path, shown
 from paretoik.nlp.minimise import check_solver
 from paretoik.nlp.program import Solver
@@ -44,7 +46,8 @@ from paretoik.pareto.warm_start import evaluate_points
 from paretoik.search.ask_tell import Search
 from paretoik.search.endings import Progress
 from paretoik.search.islands import Islands
-from paretoik.stop_flag import STOP
+from paretoik.stop_flag import STOP, Interrupted
+from paretoik.task.motion_task import SAMPLES
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -149,7 +152,7 @@ def refine(
             refined = refine_front(front, problem, solver=solver, observe=session.observe or False)
         counts = {**refined.provenance["refined"], "improved": improved_points(front, refined)}
         ending = {"status": session.stopped_by or "refined", "counts": counts, "parent": former}
-        ending[SOLVERS] = refined.provenance[SOLVERS]
+        ending |= {name: refined.provenance[name] for name in (SOLVERS, ADDED_SAMPLES) if name in refined.provenance}
         refined = replace(refined, provenance={**session.provenance, **ending})
         session.finish(refined)
         with session.reviewing():
@@ -175,35 +178,119 @@ def refine_front(
 ) -> Front:
     """Return the front refined and certified as ``refine`` does, its refined points completed where that is wanted."""
     problem, formulation = _refinable(front, problem)
-    ranges, ids = ranges_of(front.minimised), front.ids
     with verb_session(observe) as session:
-        x = formulation.front_points(front)
+        x, ranges = formulation.front_points(front), ranges_of(front.minimised)
         check_solver(formulation.program(ranges), solver)
         if len(x) and not (evaluate_points(formulation.program(ranges), x).violation <= WARM_STARTS.violation).any():
             require_feasible(problem)
-        later = LaterTime(formulation=formulation, solver=solver)
-        then = "" if complete is None else "optimum"
-        count = partial(_count_round, session.observe, problem, later, ranges, then)
-        with LaterStages.of(problem).reserve(len(x)):
-            x, converged, ranges = _refine_over_own_ranges(formulation, x, ranges, solver, count)
-            if complete is not None:
-                individuals = no_worse(formulation, formulation.individuals(x), front, ranges)
-                x, ids, ranges = complete(formulation, individuals.x, ids, ranges, session.observe, later)
-        refined = certified_front(
-            problem,
-            formulation,
-            x,
-            ids,
-            ranges,
-            dict(front.provenance),
-            before=front if complete is None else None,
-            solver=solver,
-            observe=session.observe,
-            later=later,
+        refined = _refine_and_certify(
+            problem, x, front.ids, ranges, front.provenance, solver, session.observe, before=front, complete=complete
         )
-        counts = {"points": len(front), "converged": int(converged.sum()), "seconds": round(session.seconds, 3)}
+        if not refined.ended:
+            refined = _resolve(refined, front, solver, session.observe)
+        converged = int(refined.converged.sum())
+        counts = {"points": len(front), "converged": converged, "seconds": round(session.seconds, 3)}
         status = {} if session.signal is None else {"status": session.signal}
-        return replace(refined, provenance={**refined.provenance, "refined": counts, **status})
+        return replace(refined.front, provenance={**refined.front.provenance, "refined": counts, **status})
+
+
+class _Refined(NamedTuple):
+    """A front that was refined and certified, which points converged, and whether an observer ended it."""
+
+    front: Front
+    converged: Bool[np.ndarray, " points"]
+    ended: bool
+
+
+def _refine_and_certify(
+    problem: Any,
+    x: Points,
+    ids: Ids,
+    ranges: Values,
+    provenance: Mapping[str, Any],
+    solver: Solver,
+    observe: Observer | None,
+    *,
+    before: Front | None = None,
+    complete: Complete | None = None,
+) -> _Refined:
+    """Return the front that points of a problem are refined to, completed where that is wanted."""
+    formulation: Differentiable = problem
+    later = LaterTime(formulation=formulation, solver=solver)
+    count = partial(_count_round, observe, problem, later, ranges, "" if complete is None else "optimum")
+    with LaterStages.of(problem).reserve(len(x)):
+        x, converged, ranges, ended = _refine_over_own_ranges(formulation, x, ranges, solver, count)
+        if complete is not None:
+            assert before is not None
+            individuals = no_worse(formulation, formulation.individuals(x), before, ranges)
+            x, ids, ranges = complete(formulation, individuals.x, ids, ranges, observe, later)
+    front = certified_front(
+        problem,
+        formulation,
+        x,
+        ids,
+        ranges,
+        dict(provenance),
+        before=before if complete is None else None,
+        solver=solver,
+        observe=observe,
+        later=later,
+    )
+    return _Refined(front, converged, ended)
+
+
+def resolve_front(front: Front, solver: Solver, observe: Observer | None) -> Front:
+    """Return a certified front, on more samples if a value is under-resolved.
+
+    All its points are refined and certified again with a sample in the middle of every interval too, some times at
+    most, without those whose curve leaves the path. What fails there, or a signal or the time limit cuts short, is
+    dropped.
+    """
+    return _resolve(_Refined(front, np.zeros(0, dtype=bool), False), None, solver, observe).front
+
+
+def _resolve(refined: _Refined, before: Front | None, solver: Solver, observe: Observer | None) -> _Refined:
+    """Return what ``resolve_front`` does; points that were better on the front ``before`` start from there."""
+    for _ in range(SAMPLES.doublings):
+        front = refined.front
+        assert front.certificates is not None
+        if time_is_up() or "under-resolved" not in front.certificates.status:
+            break
+        with suppress(ParetoikError, Interrupted):
+            problem = front.problem.with_midpoints()
+            x, ids = _curves_at_samples(front, before, problem)
+            show = None if observe is None else partial(_show_samples, observe, len(problem.task.times))
+            finer = _refine_and_certify(problem, x, ids, ranges_of(front.minimised), front.provenance, solver, show)
+            if len(finer.front) and not (finer.ended or time_is_up()):
+                refined = finer
+        if refined.front is front:
+            break
+    return refined
+
+
+def _curves_at_samples(front: Front, before: Front | None, problem: Any) -> tuple[Points, Ids]:
+    """Return the curves of a front as points of a problem on more samples, with their ids.
+
+    Those that are worse there than on the front ``before`` are as they were.
+    """
+    x = problem.curve_points(front.motions)
+    on_path = np.isfinite(x).all(axis=(1, 2))
+    x, ids = x[on_path], front.ids[on_path]
+    if before is not None and before.motions is not None:
+        _, rows, rows_before = np.intersect1d(ids, before.ids, return_indices=True)
+        curves = problem.curve_points(before.motions[rows_before])
+        on_path = np.isfinite(curves).all(axis=(1, 2))
+        rows, curves = rows[on_path], curves[on_path]
+        now, former = (evaluate_points(problem.program(), each) for each in (x[rows], curves))
+        rise = (now.objectives - former.objectives)[:, : len(front.names)] / ranges_of(front.minimised)
+        better = (former.violation <= WARM_STARTS.violation) & (rise > CERTIFIED.tolerance).any(axis=1)
+        x[rows[better]] = curves[better]
+    return x, ids
+
+
+def _show_samples(observe: Observer, samples: int, progress: RunProgress) -> object:
+    """Tell an observer of progress on how many samples it is."""
+    return observe(replace(progress, summary=", ".join(filter(None, (f"on {samples} samples", progress.summary)))))
 
 
 def _count_round(
@@ -238,10 +325,10 @@ def _refine_over_own_ranges(
     ranges: Values,
     solver: Solver,
     count: Callable[[int], Observe | None],
-) -> tuple[Points, Bool[np.ndarray, " points"], Values]:
-    """Return points refined, which are local optima, and the ranges over which they are: about those of their front.
+) -> tuple[Points, Bool[np.ndarray, " points"], Values, bool]:
+    """Return points refined, which are local optima, over what ranges, and whether an observer ended it.
 
-    What is done of a round is told to what ``count`` returns for its number.
+    The ranges are about those of the points' front. ``count`` returns the observer of each round.
     """
     ended = False
 
@@ -259,7 +346,7 @@ def _refine_over_own_ranges(
         shares = np.where(widths > POINT_TOLERANCE, np.maximum(widths, OPTIONS.smallest_share), before)
         if ended or STOP[0] or (shares > OPTIONS.shrinkage * before).all():
             break
-    return x, converged, first * before
+    return x, converged, first * before, ended
 
 
 def _refinable(front: Front, problem: Any) -> tuple[Any, Differentiable]:
@@ -271,7 +358,8 @@ def _refinable(front: Front, problem: Any) -> tuple[Any, Differentiable]:
         raise InvalidInput("refine: a front with its problem wanted; refine(front, problem) names it")
     formulation = require_program("refine", problem)
     _check_front(front, formulation, problem)
-    return problem, formulation
+    problem = at_samples_of(problem, getattr(front.motions, "q", None))
+    return problem, require_program("refine", problem)
 
 
 def _check_front(front: Front, formulation: Differentiable, problem: Any) -> None:

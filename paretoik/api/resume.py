@@ -25,7 +25,7 @@ from paretoik.execution.machine import versions
 from paretoik.execution.run_folder import reclaim_folder
 from paretoik.execution.time_limit import check_time_limit
 from paretoik.fingerprint.fingerprint import check_fingerprint
-from paretoik.formulations.protocol import timeline
+from paretoik.formulations.protocol import at_samples_of, timeline
 from paretoik.formulations.stored_motions import restore_motions
 from paretoik.front.front import Front
 from paretoik.front.preferences.weights import Weights
@@ -195,6 +195,7 @@ def _source(folder: Path, problem: Any) -> Front:
     front = Front.load(folder.joinpath(*SOURCE))
     provenance = dict(front.provenance)
     run = provenance.pop("run", None)
+    problem = at_samples_of(problem, getattr(front.motions, "q", None))
     front = replace(front, motions=restore_motions(problem, front), problem=problem, provenance=provenance)
     return front if run is None else attach(front, Path(run))
 

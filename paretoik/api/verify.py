@@ -12,6 +12,7 @@ from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
 from paretoik.file_replacement import without_writers
 from paretoik.fingerprint.fingerprint import fingerprint
+from paretoik.formulations.protocol import at_samples_of
 from paretoik.inputs import file_path
 
 if TYPE_CHECKING:
@@ -47,6 +48,7 @@ def verify(folder: str | Path, problem: Any = None, *, observe: Observer | bool 
         reason = f"the run's problem is not at hand: {how_to_name(run.entries.get('problem'))}"
     elif {"objectives", "objective"} & run.entries.keys():
         same = fingerprint(problem) == run.entries.get("fingerprint")
+    problem = at_samples_of(problem, run.motions.get("q"))
     try:
         import_pinocchio()
     except InvalidInput as error:  # files and tables are checked without it

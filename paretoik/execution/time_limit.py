@@ -102,6 +102,11 @@ def time_limit(seconds: float | None) -> Iterator[TimeLimit]:
             STOP[0] = STOP[0] or SIGALRM
 
 
+def time_is_up() -> bool:
+    """Return whether a signal came, or a time limit under way has no time left but what is reserved for later."""
+    return bool(STOP[0]) or any(limit.reached for limit in _ACTIVE)
+
+
 @contextmanager
 def limited_evaluations(seconds: float | None, *, allowed: float = inf) -> Iterator[None]:
     """End each call of a user's function in the body after this time with EvaluationFailed; None sets no limit.

@@ -19,8 +19,10 @@ def fingerprint(problem: object) -> str:
 
     Two attributes of a class say more: ``computed_attributes`` follow from the others and are compared to 6 decimals,
     as processors differ in the last bits; ``search_attributes`` say how solutions are searched for, and do not count.
+    A problem on more samples than the user's, ``finer_than``, has the fingerprint of the user's.
     """
-    return f"{SCHEME}:{Digester().digest(problem).hex()}"
+    given = getattr(problem, "finer_than", None)
+    return f"{SCHEME}:{Digester().digest(problem if given is None else given).hex()}"
 
 
 def check_fingerprint(problem: object, stored: object, *, wish: str) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -56,6 +56,14 @@ def choose_bases(task: MotionTask, rollouts: JointPaths, count: int) -> Float[np
     return rollouts[chosen]
 
 
+def without_added_samples(task: MotionTask, motions: Motion) -> Motion:
+    """Return motions at the samples of a task, if they have more; others as they are."""
+    times = motions.time.reshape(-1, motions.time.shape[-1])[0]
+    index = np.searchsorted(times, task.times).clip(max=len(times) - 1)
+    added = len(times) > len(index) and np.array_equal(times[index], task.times)
+    return replace(motions, time=task.times, q=motions.q[..., index, :]) if added else motions
+
+
 def positions_on_path(task: MotionTask, motions: Motion) -> JointPaths:
     """Return the joint positions of a user's motions.
 
@@ -64,6 +72,7 @@ def positions_on_path(task: MotionTask, motions: Motion) -> JointPaths:
     """
     if not isinstance(motions, Motion):
         raise InvalidInput(f"initial: motions wanted, got {type(motions).__name__}")
+    motions = without_added_samples(task, motions)
     q = np.array(motions.q if motions.q.ndim == 3 else motions.q[None])
     if motions.arm.joint_names != task.arm.joint_names or q.shape[1] != len(task.times):
         raise InvalidInput(

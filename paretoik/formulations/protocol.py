@@ -16,6 +16,9 @@ part                                     what it makes possible
 ``decode(genes), encode(motions)``       motions of a front; starting from motions
 ``task``                                 the ``MotionTask`` of its motions: those of a stored run with their arm
                                          (``stored_motions``), the limits that the least-violating one breaks
+``with_midpoints()``                     refinement adds samples if values are under-resolved: the same problem with a
+                                         sample in the middle of every interval too, the user's own as ``finer_than``
+``curve_points(motions)``                the points there of motions on fewer samples, NaN off the path
 ``follows_path``                         true where every motion follows the task's path exactly: stored ones, too
 all of ``Differentiable``                ``refine``, ``epsilon_front`` and certificates; a formulation without has
                                          no gradients, and these verbs refuse it before any work
@@ -42,9 +45,10 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeAlias, runtime_che
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.arrays import Genes, Objectives, Points
+from paretoik.arrays import Genes, JointPaths, Objectives, Points
 from paretoik.errors import InvalidInput
 from paretoik.front.front import Front, Preference
+from paretoik.front.provenance import ADDED_SAMPLES
 from paretoik.task.limits import LIMIT_TOLERANCE
 from paretoik.user_functions import user_function
 
@@ -151,6 +155,20 @@ def task_of(problem: Any) -> MotionTask | None:
 
     task = getattr(problem, "task", None)
     return task if isinstance(task, MotionTask) else None
+
+
+def at_samples_of(problem: Any, q: JointPaths | None) -> Any:
+    """Return a problem on the samples of a run's motions (points, time, dof), if refinement added some to its path."""
+    if q is not None and q.ndim == 3 and hasattr(problem, "with_midpoints"):
+        while len(problem.task.times) < q.shape[1]:
+            problem = problem.with_midpoints()
+    return problem
+
+
+def added_samples(problem: Any) -> dict[str, dict[str, int]]:
+    """Return the entry of provenance that says how many samples a path has and had, if refinement added some."""
+    given = getattr(problem, "finer_than", None)
+    return {} if given is None else {ADDED_SAMPLES: {"path": len(given.task.times), "used": len(problem.task.times)}}
 
 
 def exceeded_between(problem: Any, individuals: Individuals) -> list[str]:

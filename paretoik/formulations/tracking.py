@@ -8,6 +8,7 @@ weighted-pseudoinverse roll-outs (Tringali & Cocuzza 2020, section 3.1.2), sprea
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,8 +16,13 @@ from jaxtyping import Float, Int
 
 from paretoik.arrays import Genes, Objectives, Values
 from paretoik.call_arguments import check_call
-from paretoik.errors import InvalidInput
-from paretoik.formulations.base_motions import choose_bases, positions_on_path, sample_rollouts
+from paretoik.errors import Infeasible, InvalidInput
+from paretoik.formulations.base_motions import (
+    choose_bases,
+    positions_on_path,
+    sample_rollouts,
+    without_added_samples,
+)
 from paretoik.formulations.encoding import Encoding, choose_coefficients, encoding
 from paretoik.formulations.formulation import Formulation, check_motions, of_genes, tracking_text
 from paretoik.formulations.interpolation import values_between
@@ -46,7 +52,7 @@ from paretoik.task.task import Task
 from paretoik.trajectory.infeasibility import explain_violation, require_feasible
 from paretoik.trajectory.level_progress import ObserveLevel, explained_interruption
 from paretoik.trajectory.motion_cold_search import MotionColdSearch
-from paretoik.trajectory.plan import Plan, find_optima
+from paretoik.trajectory.plan import Plan, find_optima, resolve_plan
 from paretoik.trajectory.program import MotionProgram
 from paretoik.trajectory.tightening import hold_all
 from paretoik.trajectory.transcription import motion_program
@@ -100,7 +106,9 @@ class Tracking(Formulation):
 
     task: MotionTask
     encoding: Encoding
+    finer_than: Tracking | None = None
     computed_attributes = ("_rollouts", "encoding")
+    search_attributes = ("_encoded_with",)  # what follows from it counts
     species_gene = 0  # it names the base motion
     follows_path = True
     navigate = navigate
@@ -147,6 +155,12 @@ class Tracking(Formulation):
         self.units = tuple(each.unit for each in self.task.objectives)
         self.maximised = tuple(each.maximise for each in self.task.objectives)
         self.constraint_names = ("tracking", "evaluation", *self.task.limit_names)
+        self._encoded_with = coefficients, bases, seed
+        self._encode_motions()
+
+    def _encode_motions(self) -> None:
+        """Make the genes of motions at the samples of the task."""
+        coefficients, bases, seed = self._encoded_with
         coefficients = choose_coefficients(coefficients, len(self.task.times))
         self._rollouts = sample_rollouts(self.task, np.random.default_rng(seed))
         self.encoding = encoding(self.task, choose_bases(self.task, self._rollouts, bases), coefficients)
@@ -155,6 +169,22 @@ class Tracking(Formulation):
         super().__init__(
             n_var=len(low), n_obj=len(self.names), n_ieq_constr=len(self.constraint_names), xl=low, xu=high
         )
+
+    def with_midpoints(self) -> Tracking:
+        """Return the same problem with a sample in the middle of every interval of its path too."""
+        finer = copy(self)
+        finer.task, finer.finer_than = self.task.with_midpoints(), self.finer_than or self
+        finer._encode_motions()
+        return finer
+
+    def curve_points(self, motions: Motion) -> Float[np.ndarray, "points time dof"]:
+        """Return the curves of motions at the problem's samples; NaN for one that leaves the path between its own."""
+        try:
+            return motions.at(self.task.times)
+        except Infeasible:
+            if len(motions) == 1:
+                return np.full((1, len(self.task.times), self.task.arm.dof), np.nan)
+        return np.concatenate([self.curve_points(motions[i : i + 1]) for i in range(len(motions))])
 
     def species(self, genes: Genes) -> Int[np.ndarray, " points"]:
         """Return each individual's base motion: only genes of one base may be crossed."""
@@ -171,6 +201,8 @@ class Tracking(Formulation):
         Each motion is encoded around the base whose decoded genes come nearest to it in every joint at every sample;
         where they miss it by much, the genes do not stand for the motion: use the motion itself.
         """
+        check_motions(motions, self.task)
+        motions = without_added_samples(self.task, motions)
         check_motions(motions, self.task, samples=len(self.task.times))
         return self.encoding.encode_nearest(self.task, motions.q)
 
@@ -279,7 +311,7 @@ class Tracking(Formulation):
         q = None if initial is None else positions_on_path(self.task, initial)
         with explained_interruption(self.task, self._rollouts, observe) as show:
             examine_functions(self.task, self.task.motion(self._rollouts))
-            return find_optima(
+            plan = find_optima(
                 self.task,
                 starts=starts,
                 seed=seed,
@@ -288,6 +320,7 @@ class Tracking(Formulation):
                 observe=show,
                 rollouts=self._rollouts,
             )
+            return resolve_plan(self.task, plan, solver=solver, observe=show)
 
     def sample_starts(self, count: int, rng: np.random.Generator) -> Genes:
         """Return genes of the ``count`` best roll-outs, as near as the spline comes to them."""

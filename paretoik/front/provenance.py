@@ -9,6 +9,7 @@ NAVIGATIONS, LARGEST_ID = "navigations", "largest_id"  # entries: moves that wer
 COMPARED = ("problem", "fingerprint", "settings", "versions", "computed", "status")  # counts and seconds always differ
 
 
+ADDED_SAMPLES = "samples"  # entry: samples of the user's path, and of the motions if refinement added some
 SOLVERS = "solvers"  # entry: who refined points, and how many of them a convex program confirmed
 REFINED_BY = {"interior-point": "the interior-point method", "sqp": "SQP (cvxpy, Clarabel)"}
 
@@ -20,13 +21,17 @@ def confirmation(solver: str, confirmed: int, points: int) -> dict[str, dict[str
 
 
 def confirmation_text(provenance: Mapping[str, Any]) -> str:
-    """Return who refined and who confirmed points, in a line; "" if that is not known."""
+    """Return who refined and who confirmed points, and if samples were added, a line each; "" if nothing is known."""
+    lines = list[str]()
     match provenance.get(SOLVERS):
         case {"refinement": solver, "confirmed": int(confirmed), "points": int(points)}:
             confirmed_by = "a convex subproblem, stated in cvxpy and solved by Clarabel"
             by = REFINED_BY.get(solver, solver)
-            return f"refined by {by}; {confirmed} of {points} points confirmed as critical by {confirmed_by}"
-    return ""
+            lines.append(f"refined by {by}; {confirmed} of {points} points confirmed as critical by {confirmed_by}")
+    match provenance.get(ADDED_SAMPLES):
+        case {"path": int(given), "used": int(used)}:
+            lines.append(f"on {used} samples: the path's {given} left values more than 0.1 % off those of the curves")
+    return "\n".join(lines)
 
 
 def flatten(entries: Mapping[str, Any], prefix: str = "") -> dict[str, str]:

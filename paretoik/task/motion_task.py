@@ -25,7 +25,20 @@ from paretoik.task.path import Path
 from paretoik.task.spline import Derivatives
 from paretoik.task.task import Task
 
-VALUE_REFINEMENT = 50  # steps between samples by which values are compared with those of the curve
+
+@dataclass(frozen=True, kw_only=True)
+class SampleOptions:
+    """Settings of how values are compared with those of curves, and of samples that are added.
+
+    steps: steps between samples on the grid that values of the curve are taken from
+    doublings: most times that refinement doubles the intervals of a path if a value is under-resolved
+    """
+
+    steps: int = 50
+    doublings: int = 5
+
+
+SAMPLES = SampleOptions()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -120,9 +133,7 @@ class MotionTask:
 
     def _with_paths(self, paths: Sequence[Path]) -> MotionTask:
         tasks = tuple(replace(task, path=path) for task, path in zip(self.tasks, paths, strict=True))
-        index = np.searchsorted(self.times, paths[0].times)
-        bounds = {kind: limits if len(limits) == 1 else limits[index] for kind, limits in self.bounds.items()}
-        return replace(self, tasks=tasks, bounds=bounds)
+        return replace(self, tasks=tasks, bounds={kind: self.bounds_at(kind, paths[0].times) for kind in self.bounds})
 
     def standing(self, times: Times, sample: int = 0) -> MotionTask:
         """Return the task of a tool that stays where it is at a sample, at other times; not cyclic."""
@@ -132,14 +143,11 @@ class MotionTask:
 
     def resample(self, samples: int) -> MotionTask:
         """Return the same task at that many samples, evenly spaced; limits that vary are interpolated linearly."""
-        tasks = tuple(replace(task, path=task.path.resample(samples)) for task in self.tasks)
-        times = tasks[0].path.times
-        bounds = {}
-        for kind, limits in self.bounds.items():
-            flat = limits.reshape(len(limits), -1)
-            columns = [np.interp(times, self.times, column) for column in flat.T] if len(flat) > 1 else None
-            bounds[kind] = limits if columns is None else np.stack(columns, axis=1).reshape(samples, *limits.shape[1:])
-        return replace(self, tasks=tasks, bounds=bounds)
+        return self._with_paths([task.path.resample(samples) for task in self.tasks])
+
+    def with_midpoints(self) -> MotionTask:
+        """Return the same task with a sample in the middle of every interval too; limits as for ``resample``."""
+        return self._with_paths([task.path.with_midpoints() for task in self.tasks])
 
     @cached_property
     def limit_names(self) -> tuple[str, ...]:
@@ -221,7 +229,7 @@ class MotionTask:
         The curves are sampled 50 times finer. It is infinite if a motion leaves its path between samples.
         """
         try:
-            finer = finer_motion(motions, VALUE_REFINEMENT)
+            finer = finer_motion(motions, SAMPLES.steps)
         except Infeasible:
             if len(motions) == 1:
                 return np.full((1, len(self.objectives)), np.inf)

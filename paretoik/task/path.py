@@ -15,6 +15,7 @@ from paretoik.inputs import ArrayLike, check_magnitude, check_size, finite_array
 from paretoik.robot.pose import quaternion_to_matrix, rotation_vector
 from paretoik.tables import html_representation
 from paretoik.task.curves import CLOSURE_TOLERANCE, Curve, Line, Rates, SmoothCurve
+from paretoik.task.differences import with_midpoints
 
 DIFFERENCE_STEP = 1e-4  # share of the duration, for paths whose curve has no derivatives
 
@@ -139,6 +140,10 @@ class Path:
     def resample(self, samples: int) -> Path:
         """Return the same path with that many samples, evenly spaced in time."""
         return sample_curve(self.curve, even_times(self.duration, samples))
+
+    def with_midpoints(self) -> Path:
+        """Return the same path with a sample in the middle of every interval too."""
+        return sample_curve(self.curve, with_midpoints(self.times))
 
     def subsample(self, samples: int) -> Path:
         """Return the same path at that many of its samples: both ends, the others as even as can be.

@@ -142,7 +142,7 @@ def refine_levels(
                 solutions = disturb(program, solutions)[:limit]
         levels.append((len(task.times), len(solutions)))
         if observe is not None:
-            observe(_progress(task, q, ends, solutions))
+            observe(level_progress(task, q, ends, solutions))
         if restore and first and not solutions.converged.any():
             break
         if finer:
@@ -150,7 +150,8 @@ def refine_levels(
     return solutions, tuple(levels)
 
 
-def _progress(task: MotionTask, starts: np.ndarray, ends: Solutions, optima: Solutions) -> LevelProgress:
+def level_progress(task: MotionTask, starts: np.ndarray, ends: Solutions, optima: Solutions) -> LevelProgress:
+    """Return what there is of a plan once the level is done whose starts led to ``ends``."""
     return LevelProgress(
         task=task,
         starts=starts,

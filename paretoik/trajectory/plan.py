@@ -6,6 +6,7 @@ Source: Tringali & Cocuzza 2020, section 3.1.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -14,8 +15,9 @@ from jaxtyping import Float
 
 from paretoik.arrays import JointPaths
 from paretoik.call_arguments import check_call
-from paretoik.errors import Infeasible, SolverFailed
-from paretoik.front.provenance import confirmation
+from paretoik.errors import Infeasible, ParetoikError, SolverFailed
+from paretoik.execution.time_limit import time_is_up
+from paretoik.front.provenance import ADDED_SAMPLES, confirmation
 from paretoik.nlp.minimise import check_solver, chosen_solver
 from paretoik.nlp.program import Solver
 from paretoik.nlp.solutions import CONVERGED, INTERRUPTED, NOT_FINITE, STATUSES, Solutions, concatenate
@@ -28,7 +30,7 @@ from paretoik.tables import columns, field_representation, fit_screen, html_repr
 from paretoik.task.evaluation import require_values
 from paretoik.task.limits import LIMIT_TOLERANCE
 from paretoik.task.motion import Motion
-from paretoik.task.motion_task import MotionTask
+from paretoik.task.motion_task import SAMPLES, MotionTask
 from paretoik.trajectory.infeasibility import infeasible_error, require_feasible
 from paretoik.trajectory.level_progress import ObserveLevel
 from paretoik.trajectory.levels import (
@@ -37,8 +39,10 @@ from paretoik.trajectory.levels import (
     distinct_rows,
     first_levels,
     level_programs,
+    level_progress,
     objective_scales,
     refine_levels,
+    resample,
 )
 from paretoik.trajectory.plan_starts import sample_starts
 from paretoik.trajectory.restarts import OPTIONS as RESTARTS
@@ -47,6 +51,7 @@ from paretoik.trajectory.tightening import feasible_motions, hold_all
 from paretoik.trajectory.transcription import motion_program
 
 EXCEEDS = "limits exceeded between samples"  # status of an optimum that no tightening brings within its limits
+UNDER_RESOLVED = "under-resolved"  # status of an optimum whose value is too far off that of its curve
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -138,10 +143,36 @@ def find_optima(
             raise
         solutions, levels, count = initial_solutions, (), len(initial_solutions)
     solutions = _merge(task, solutions, initial_solutions) if len(initial_solutions) else solutions
-    optima = _optima(task, solutions, initial, solver)
-    confirmed = sum(each.criticality <= CERTIFICATES.critical for each in optima)
-    provenance = confirmation(chosen_solver(motion_program(task), solver), confirmed, len(optima))
-    return Plan(optima=optima, levels=levels, starts=count, provenance=provenance)
+    return _plan(task, solutions, initial, levels, count, solver)
+
+
+def resolve_plan(task: MotionTask, plan: Plan, *, solver: Solver = "auto", observe: ObserveLevel | None = None) -> Plan:
+    """Return a plan of a task, on more samples if an optimum is under-resolved.
+
+    All optima are minimised again with a sample in the middle of every interval too, some times at most, without those
+    whose curve leaves the path. What fails there, or a signal or the time limit cuts short, is dropped.
+    """
+    given = len(task.times)
+    for _ in range(SAMPLES.doublings):
+        if time_is_up() or all(each.status != UNDER_RESOLVED for each in plan.optima):
+            break
+        former, finer = plan, task.with_midpoints()
+        with suppress(ParetoikError, Interrupted):
+            starts = resample(task, np.stack([each.motion.q for each in plan.optima]), finer)
+            program = motion_program(finer, objective_scales(finer, starts))
+            ends = minimise_from(program, starts, np.ones(1), solver=solver)
+            solutions = _merge(finer, ends[:0], ends[ends.violation <= OPTIONS.feasible])
+            if observe is not None:
+                observe(level_progress(finer, starts, ends, solutions))
+            resolved = _plan(finer, solutions, None, plan.levels, plan.starts, solver)
+            if solutions.converged.any() and not time_is_up():
+                levels = (*plan.levels, (len(finer.times), len(resolved.optima)))
+                samples = {ADDED_SAMPLES: {"path": given, "used": len(finer.times)}}
+                plan = replace(resolved, levels=levels, provenance={**resolved.provenance, **samples})
+        if plan is former:
+            break
+        task = finer
+    return plan
 
 
 def _minimise_initial(
@@ -217,6 +248,21 @@ def _search_from(
     return solutions, levels, restarts.first_starts or len(begin)
 
 
+def _plan(
+    task: MotionTask,
+    solutions: Solutions,
+    initial: Float[np.ndarray, "motions time dof"] | None,
+    levels: tuple[tuple[int, int], ...],
+    starts: int,
+    solver: Solver,
+) -> Plan:
+    """Return the plan of optima at the task's own samples."""
+    optima = _optima(task, solutions, initial, solver)
+    confirmed = sum(each.criticality <= CERTIFICATES.critical for each in optima)
+    provenance = confirmation(chosen_solver(motion_program(task), solver), confirmed, len(optima))
+    return Plan(optima=optima, levels=levels, starts=starts, provenance=provenance)
+
+
 def _merge(task: MotionTask, solutions: Solutions, initial: Solutions) -> Solutions:
     """Return the distinct optima of both, best first; before them the best initial motion where it is better."""
     natural = motion_program(task)  # objectives of both are divided by scales of their own
@@ -249,7 +295,7 @@ def _optima(
         exceeds = [each.violation > LIMIT_TOLERANCE for each in results]  # not known after a signal
         resolved = errors <= CERTIFICATES.resolved * np.abs(values)
         for i in np.flatnonzero(status == CONVERGED):
-            words[i] = EXCEEDS if exceeds[i] else words[i] if resolved[i] else "under-resolved"
+            words[i] = EXCEEDS if exceeds[i] else words[i] if resolved[i] else UNDER_RESOLVED
         merit = task.objectives[0].sign * values
         ranked = sorted(range(len(results)), key=lambda i: (exceeds[i], merit[i]))
         order = [i for i in ranked if i < len(solutions) or i == ranked[0]]
