@@ -1,0 +1,183 @@
+"""Refinement adds samples until values are those of the curves, and what it finds stays the user's problem's."""
+
+from __future__ import annotations
+
+import os
+import signal
+from dataclasses import replace
+from importlib import import_module
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+import paretoik as pk
+from paretoik.stop_flag import STOP
+from paretoik.task.between import finer_motion
+from paretoik.task.motion_task import SAMPLES
+from problems import panda
+
+REFINE = import_module("paretoik.api.refine")
+PLAN = import_module("paretoik.trajectory.plan")
+OBJECTIVES = {
+    "integral": [pk.kinetic_energy, pk.torque_norm],
+    "peak": [pk.kinetic_energy, pk.peak_velocity],
+    "kinks": [pk.kinetic_energy, pk.joint_travel],
+}
+
+
+def planar(seed, objectives):
+    """Return a random 3R arm that follows a fast line of few samples."""
+    rng = np.random.default_rng(seed)
+    arm = pk.Arm.planar(lengths=rng.uniform(0.2, 0.5, 3), masses=rng.uniform(0.5, 2.0, 3))
+    reach = float(arm.pose(np.zeros(3)).position[0])
+    angle, turn = rng.uniform(-np.pi, np.pi), rng.uniform(0.5, 1.2) * rng.choice([-1, 1])
+    ends = [r * reach * np.array([np.cos(a), np.sin(a)]) for r, a in ((0.6, angle), (0.7, angle + turn))]
+    path = pk.line(*ends, duration=float(rng.uniform(0.3, 0.8)), samples=int(rng.integers(6, 10)))
+    return pk.Tracking(arm, path, objectives=objectives)
+
+
+def across_the_table(samples, objectives):
+    task = panda.across_the_table().task
+    return pk.Tracking(task.arm, task.tasks[0].path.resample(samples), objectives=objectives)
+
+
+def on_curves(motions, objectives):
+    """Return the values of motions on a grid 200 times finer (points, n_obj)."""
+    fine = finer_motion(motions, 200)
+    return np.stack([each(fine) for each in objectives], axis=1)
+
+
+def check_front(front, problem, folder, *, verified=True):
+    """Check that minima have the values of their curves, and the run is the user's own problem's."""
+    minima = front.certificates.status == "minimum"
+    assert minima.any()
+    errors = np.abs(on_curves(front.motions, problem.task.objectives) - front.objectives)
+    sizes = np.maximum(np.abs(front.objectives), np.ptp(front.objectives, axis=0))
+    assert (errors / sizes)[minima].max() <= 1e-3
+    before, after = (len(each.task.times) for each in (problem, front.problem))
+    assert front.provenance["samples"] == {"path": before, "used": after}
+    assert front.motions.q.shape[1] == after > before
+    assert np.isin(problem.task.times, front.problem.task.times).all()
+    loaded = pk.load_front(folder, problem)
+    np.testing.assert_array_equal(loaded.motions.q, front.motions.q)
+    np.testing.assert_array_equal(loaded.problem.task.times, front.problem.task.times)
+    assert not verified or pk.verify(folder, problem).passed
+    return loaded
+
+
+def test_a_coarse_front_gets_samples_until_its_minima_have_the_values_of_their_curves(tmp_path):
+    problem = planar(2, OBJECTIVES["integral"])
+    told = []
+    front = pk.epsilon_front(problem, points=3, starts=3, out=tmp_path / "run", observe=told.append)
+    loaded = check_front(front, problem, tmp_path / "run")
+    used, given = front.problem.task.times.size, problem.task.times.size
+    assert any(each.summary.startswith(f"on {used} samples") for each in told)
+    assert f"on {used} samples: the path's {given} left values" in (pk.report(loaded)).read_text()
+    again = pk.refine(loaded, problem)
+    assert again.problem.task.times.size == used
+    np.testing.assert_allclose(again.objectives, front.objectives, rtol=1e-5)
+    assert pk.epsilon_front(problem, points=2, starts=2, initial=front).motions.q.shape[1] > given
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(3, 9))
+@pytest.mark.parametrize("kind", OBJECTIVES)
+def test_random_coarse_fronts_get_samples(kind, seed, tmp_path):
+    problem = planar(seed, OBJECTIVES[kind])
+    front = pk.epsilon_front(problem, points=5, starts=6, out=tmp_path / "run")
+    check_front(front, problem, tmp_path / "run", verified=kind != "kinks")
+
+
+@pytest.mark.slow
+def test_a_coarse_front_of_a_panda_gets_samples(tmp_path):
+    problem = across_the_table(9, OBJECTIVES["peak"])
+    front = pk.epsilon_front(problem, points=4, starts=4, out=tmp_path / "run")
+    check_front(front, problem, tmp_path / "run")
+
+
+@pytest.fixture(scope="module")
+def searched():
+    problem = planar(4, OBJECTIVES["peak"])
+    return pk.solve(problem, population=20, generations=6, points=5)
+
+
+def test_a_refined_point_is_no_worse_on_its_curve_than_it_was(searched):
+    refined = pk.refine(searched)
+    row = {number: i for i, number in enumerate(searched.ids.tolist())}
+    before = searched.motions[[row[number] for number in refined.ids.tolist()]]
+    objectives = searched.problem.task.objectives
+    rise = on_curves(refined.motions, objectives) - on_curves(before, objectives)
+    assert refined.motions.q.shape[1] > searched.motions.q.shape[1]
+    assert rise.max() <= 1e-3 * np.abs(refined.objectives).max()
+    assert (rise.max(axis=1) < 0).any()
+
+
+def test_points_that_were_resolved_are_no_worse_on_the_finer_grid(monkeypatch):
+    problem = planar(2, OBJECTIVES["integral"])
+    monkeypatch.setattr(REFINE, "SAMPLES", replace(SAMPLES, doublings=0))
+    coarse = pk.epsilon_front(problem, points=4, starts=3)
+    assert set(coarse.certificates.status) == {"minimum", "under-resolved"}
+    assert "samples" not in coarse.provenance
+    assert "more samples help" in coarse.certificates.reason[coarse.certificates.status == "under-resolved"][0]
+    monkeypatch.undo()
+    fine = pk.refine(coarse)
+    assert set(fine.certificates.status) == {"minimum"}
+    row = {number: i for i, number in enumerate(coarse.ids.tolist())}
+    before = coarse.motions[[row[number] for number in fine.ids.tolist()]]
+    rise = on_curves(fine.motions, problem.task.objectives) - on_curves(before, problem.task.objectives)
+    assert (rise / np.ptp(fine.objectives, axis=0)).max() <= 1e-3
+
+
+@pytest.mark.parametrize("ending", ["signal", "observer"])
+def test_what_was_found_before_stays_if_samples_are_cut_short(searched, ending):
+    def observe(progress):
+        finer = progress.stage == "refinement" and progress.summary.startswith("on ")
+        if finer and ending == "signal" and not STOP[0]:
+            os.kill(os.getpid(), signal.SIGINT)
+        return finer and ending == "observer"
+
+    front = pk.refine(searched, observe=observe)
+    assert front.provenance["status"] == ("SIGINT" if ending == "signal" else "refined")
+    assert front.problem is searched.problem
+    assert "under-resolved" in front.certificates.status
+    assert set(front.certificates.status) <= {"minimum", "under-resolved"}
+    assert np.isfinite(front.certificates.kkt_residual).all()
+
+
+def test_a_run_that_is_stopped_while_samples_are_added_resumes_bit_for_bit(searched, tmp_path):
+    def observe(progress):
+        if progress.stage == "certification" and progress.summary.startswith("on ") and not STOP[0]:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    whole = pk.refine(searched)
+    stopped = pk.refine(searched, out=tmp_path / "run", observe=observe)
+    assert stopped.motions.q.shape[1] < whole.motions.q.shape[1]
+    resumed = pk.resume(tmp_path / "run", searched.problem)
+    np.testing.assert_array_equal(resumed.motions.q, whole.motions.q)
+    np.testing.assert_array_equal(resumed.certificates.status, whole.certificates.status)
+
+
+def test_a_plan_gets_samples_and_says_so(tmp_path):
+    problem = planar(5, [pk.peak_velocity])
+    plan = pk.plan(problem, starts=3, out=tmp_path / "run")
+    assert {each.status for each in plan.optima} == {"converged"}
+    for each in plan.optima:
+        value = float(problem.task.objectives[0](finer_motion(each.motion, 200)))
+        assert each.objective == pytest.approx(value, rel=1e-3)
+    samples = [count for count, _ in plan.levels]
+    assert plan.provenance["samples"] == {"path": len(problem.task.times), "used": samples[-1]}
+    assert all(later in (2 * count - 1, count) for count, later in pairwise(samples))
+    loaded = pk.load_plan(tmp_path / "run", problem)
+    np.testing.assert_array_equal(loaded.best.motion.q, plan.best.motion.q)
+    assert pk.verify(tmp_path / "run", problem).passed
+    warm = pk.plan(problem, starts=1, initial=plan.best.motion)
+    assert warm.best.objective <= plan.best.objective * (1 + 1e-3)
+
+
+def test_a_value_that_stays_off_its_curve_stays_under_resolved(monkeypatch):
+    problem = planar(5, [pk.peak_velocity])
+    monkeypatch.setattr(PLAN, "SAMPLES", replace(SAMPLES, doublings=0))
+    plan = pk.plan(problem, starts=3)
+    assert "under-resolved" in {each.status for each in plan.optima}
+    assert "samples" not in plan.provenance
