@@ -48,6 +48,20 @@ def test_the_arm_of_the_task_carries_the_position_limits_that_hold():
     )
 
 
+def test_limits_that_vary_are_linear_between_the_samples_of_other_paths():
+    velocity = np.linspace(1.0, 3.0, 21)[:, None] * np.ones(3)
+    velocity[:5, 1] = np.inf
+    coarse = task(limits=Limits(velocity=velocity))
+    finer = coarse.with_midpoints()
+    np.testing.assert_array_equal(finer.bounds["velocity"][::2], coarse.bounds["velocity"])
+    upper = finer.bounds["velocity"][..., 1]
+    np.testing.assert_allclose(upper[:, 0], np.linspace(1.0, 3.0, 41))
+    assert np.isinf(upper[:10, 1]).all()
+    np.testing.assert_allclose(upper[10:, 1], np.linspace(1.5, 3.0, 31))
+    for other in (finer.subsample(21), finer.resample(21)):
+        np.testing.assert_allclose(other.bounds["velocity"], coarse.bounds["velocity"])
+
+
 def test_limits_are_named_in_the_order_of_their_columns():
     @pk.constraint(unit="m", lower=0.0)
     def above_ground(motion):

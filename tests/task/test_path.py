@@ -60,6 +60,16 @@ def test_any_sampling_is_of_the_same_path(path):
 
 
 @every_kind
+def test_a_path_with_midpoints_has_its_samples_and_the_middles_between_them(path):
+    finer = path.with_midpoints()
+    np.testing.assert_array_equal(finer.times[::2], path.times)
+    np.testing.assert_allclose(finer.times[1::2], (path.times[1:] + path.times[:-1]) / 2, rtol=1e-15)
+    np.testing.assert_allclose(finer.positions, path.at(finer.times)[0], atol=1e-15)
+    if path.quaternions is not None:
+        np.testing.assert_allclose(finer.quaternions, path.at(finer.times)[1], atol=1e-15)
+
+
+@every_kind
 def test_a_path_takes_times_of_any_shape(path):
     positions, quaternions = path.at(np.full((2, 5), 0.3))
     single, turned = path.at(0.3)
