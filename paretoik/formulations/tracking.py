@@ -320,7 +320,8 @@ class Tracking(Formulation):
                 observe=show,
                 rollouts=self._rollouts,
             )
-            return resolve_plan(self.task, plan, solver=solver, observe=show)
+            given = len((self.finer_than or self).task.times)
+            return resolve_plan(self.task, plan, self._rollouts, given=given, solver=solver, observe=show)
 
     def sample_starts(self, count: int, rng: np.random.Generator) -> Genes:
         """Return genes of the ``count`` best roll-outs, as near as the spline comes to them."""

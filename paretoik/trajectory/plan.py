@@ -17,6 +17,7 @@ from paretoik.arrays import JointPaths
 from paretoik.call_arguments import check_call
 from paretoik.errors import Infeasible, ParetoikError, SolverFailed
 from paretoik.execution.time_limit import time_is_up
+from paretoik.front.indicators import OPTIONS as INDICATORS
 from paretoik.front.provenance import ADDED_SAMPLES, confirmation
 from paretoik.nlp.minimise import check_solver, chosen_solver
 from paretoik.nlp.program import Solver
@@ -146,15 +147,25 @@ def find_optima(
     return _plan(task, solutions, initial, levels, count, solver)
 
 
-def resolve_plan(task: MotionTask, plan: Plan, *, solver: Solver = "auto", observe: ObserveLevel | None = None) -> Plan:
+def resolve_plan(
+    task: MotionTask,
+    plan: Plan,
+    rollouts: JointPaths,
+    *,
+    given: int,
+    solver: Solver = "auto",
+    observe: ObserveLevel | None = None,
+) -> Plan:
     """Return a plan of a task, on more samples if an optimum is under-resolved.
 
     All optima are minimised again with a sample in the middle of every interval too, some times at most, without those
-    whose curve leaves the path. What fails there, or a signal or the time limit cuts short, is dropped.
+    whose curve leaves the path. What fails there, or a signal or the time limit cuts short, is dropped. An error that
+    is rounding of the objective's size at ``rollouts`` adds no samples. ``given`` is the number of the user's samples.
     """
-    given = len(task.times)
+    rounding = INDICATORS.rounding * objective_scales(task, rollouts)[0]
     for _ in range(SAMPLES.doublings):
-        if time_is_up() or all(each.status != UNDER_RESOLVED for each in plan.optima):
+        errors = [each.discretisation_error for each in plan.optima if each.status == UNDER_RESOLVED]
+        if time_is_up() or max(errors, default=0.0) <= rounding:
             break
         former, finer = plan, task.with_midpoints()
         with suppress(ParetoikError, Interrupted):
