@@ -35,7 +35,7 @@ class SampleOptions:
     """
 
     steps: int = 50
-    doublings: int = 5
+    doublings: int = 3
 
 
 SAMPLES = SampleOptions()
