@@ -151,7 +151,7 @@ def test_what_was_found_before_stays_if_samples_are_cut_short(searched, ending):
     assert front.problem is searched.problem
     assert "under-resolved" in front.certificates.status
     assert set(front.certificates.status) <= {"minimum", "under-resolved"}
-    assert np.isfinite(front.certificates.kkt_residual).all()
+    assert np.isfinite(front.certificates.criticality).all()
 
 
 @pytest.mark.slow
