@@ -162,13 +162,14 @@ def resolve_plan(
     whose curve leaves the path. What fails there, or a signal or the time limit cuts short, is dropped. An error that
     is rounding of the objective's size at ``rollouts`` adds no samples. ``given`` is the number of the user's samples.
     """
-    rounding = INDICATORS.rounding * objective_scales(task, rollouts)[0]
     for _ in range(SAMPLES.doublings):
         errors = [each.discretisation_error for each in plan.optima if each.status == UNDER_RESOLVED]
-        if time_is_up() or max(errors, default=0.0) <= rounding:
+        if time_is_up() or not errors:
             break
         former, finer = plan, task.with_midpoints()
         with suppress(ParetoikError, Interrupted):
+            if max(errors) <= INDICATORS.rounding * objective_scales(task, rollouts)[0]:
+                break
             starts = resample(task, np.stack([each.motion.q for each in plan.optima]), finer)
             program = motion_program(finer, objective_scales(finer, starts))
             ends = minimise_from(program, starts, np.ones(1), solver=solver)
