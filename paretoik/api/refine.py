@@ -242,20 +242,22 @@ def _refine_and_certify(
 def resolve_front(front: Front, solver: Solver, observe: Observer | None) -> Front:
     """Return a certified front, on more samples if a value is under-resolved.
 
-    All its points are refined and certified again with a sample in the middle of every interval too, some times at
-    most, without those whose curve leaves the path. What fails there, or a signal or the time limit cuts short, is
-    dropped.
+    All its points are refined and certified again with a sample in the middle of every interval too, without those
+    whose curve leaves the path; again while that halves the largest error, some times at most. What fails there, or a
+    signal or the time limit cuts short, is dropped.
     """
     return _resolve(_Refined(front, np.zeros(0, dtype=bool), False), None, solver, observe).front
 
 
 def _resolve(refined: _Refined, before: Front | None, solver: Solver, observe: Observer | None) -> _Refined:
     """Return what ``resolve_front`` does; points that were better on the front ``before`` start from there."""
+    worst = np.inf
     for _ in range(SAMPLES.doublings):
         front = refined.front
-        assert front.certificates is not None
-        if time_is_up() or "under-resolved" not in front.certificates.status:
+        error = _largest_error(front)
+        if time_is_up() or not error or error > SAMPLES.helped * worst:
             break
+        worst = error
         with suppress(ParetoikError, Interrupted):
             problem = front.problem.with_midpoints()
             x, ids = _curves_at_samples(front, before, problem)
@@ -266,6 +268,13 @@ def _resolve(refined: _Refined, before: Front | None, solver: Solver, observe: O
         if refined.front is front:
             break
     return refined
+
+
+def _largest_error(front: Front) -> float:
+    """Return the largest error of a value of the under-resolved points, as a share of its objective's range."""
+    assert front.certificates is not None
+    errors = front.certificates.discretisation_error[front.certificates.status == "under-resolved"]
+    return float((errors / ranges_of(front.minimised)).max(initial=0.0))
 
 
 def _curves_at_samples(front: Front, before: Front | None, problem: Any) -> tuple[Points, Ids]:

@@ -32,10 +32,12 @@ class SampleOptions:
 
     steps: steps between samples on the grid that values of the curve are taken from
     doublings: most times that refinement doubles the intervals of a path if a value is under-resolved
+    helped: share of the largest error that may be left after doubling, for doubling once more
     """
 
     steps: int = 50
     doublings: int = 3
+    helped: float = 0.5
 
 
 SAMPLES = SampleOptions()

@@ -158,17 +158,19 @@ def resolve_plan(
 ) -> Plan:
     """Return a plan of a task, on more samples if an optimum is under-resolved.
 
-    All optima are minimised again with a sample in the middle of every interval too, some times at most, without those
-    whose curve leaves the path. What fails there, or a signal or the time limit cuts short, is dropped. An error that
-    is rounding of the objective's size at ``rollouts`` adds no samples. ``given`` is the number of the user's samples.
+    All optima are minimised again with a sample in the middle of every interval too, without those whose curve leaves
+    the path; again while that halves the largest error, some times at most. What fails there, or a signal or the time
+    limit cuts short, is dropped. An error that is rounding of the objective's size at ``rollouts`` adds no samples.
+    ``given`` is the number of the user's samples.
     """
+    worst = np.inf
     for _ in range(SAMPLES.doublings):
         errors = [each.discretisation_error for each in plan.optima if each.status == UNDER_RESOLVED]
-        if time_is_up() or not errors:
+        if time_is_up() or not errors or max(errors) > SAMPLES.helped * worst:
             break
-        former, finer = plan, task.with_midpoints()
+        former, finer, worst = plan, task.with_midpoints(), max(errors)
         with suppress(ParetoikError, Interrupted):
-            if max(errors) <= INDICATORS.rounding * objective_scales(task, rollouts)[0]:
+            if worst <= INDICATORS.rounding * objective_scales(task, rollouts)[0]:
                 break
             starts = resample(task, np.stack([each.motion.q for each in plan.optima]), finer)
             program = motion_program(finer, objective_scales(finer, starts))
