@@ -214,7 +214,7 @@ def test_points_are_critical_over_the_ranges_of_the_front_that_they_become():
     plans = [pk.plan(pk.Tracking(arm, path, objectives=[offset(to)]), starts=4) for to in (-0.5, 0.925)]
     # Many optima have the first joint there; which of them is best is rounding.
     far = [min((each.motion for each in plan.optima), key=problem.task.objectives[1]) for plan in plans]
-    motions = problem.task.motion(np.stack([motion.q for motion in far]))
+    motions = problem.task.motion(np.stack([motion.at(path.times) for motion in far]))
     coarse = pk.Front(
         ids=np.arange(2),
         objectives=problem.evaluate(problem.encode(motions)[0], return_values_of=["F"]),

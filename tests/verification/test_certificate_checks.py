@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+from importlib import import_module
 
 import numpy as np
 import pytest
 
 import paretoik as pk
 from paretoik.robot.kinematics import jacobian
+from paretoik.task.motion_task import SAMPLES
 from paretoik.verification.run_contents import read_contents
 from paretoik.verification.verify_run import verify_run
 from studies.benchmarks.reliability.verifier.good_runs import ARM
@@ -46,7 +48,8 @@ SLOW = ("absolute values", "a peak")  # torques take long to compile
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=[pytest.mark.slow] if name in SLOW else []) for name in PROBLEMS]
 )
-def test_an_optimum_with_kinks_is_critical_and_a_motion_next_to_it_is_not(name, tmp_path):
+def test_an_optimum_with_kinks_is_critical_and_a_motion_next_to_it_is_not(name, tmp_path, monkeypatch):
+    monkeypatch.setattr(import_module("paretoik.trajectory.plan"), "SAMPLES", dataclasses.replace(SAMPLES, doublings=0))
     problem = PROBLEMS[name]()
     pk.plan(problem, starts=2, out=tmp_path / "run", observe=False)
     good = read_contents(tmp_path / "run")

@@ -55,7 +55,7 @@ class Example:
         """Return the problem with limits that its best motion exceeds."""
         boundless = pk.Limits(velocity=np.inf, torque=np.inf)
         free = pk.Tracking(self.arm, self.path, objectives=[TWO[0]], limits=boundless, **self.settings)
-        best = pk.plan(free, starts=STARTS).best.motion
+        best = free.task.motion(pk.plan(free, starts=STARTS).best.motion.at(free.task.times))
         settings = self.settings | self.from_best(best)
         return pk.Tracking(self.arm, self.path, objectives=list(TWO), limits=self.limits(best), **settings)
 
@@ -183,11 +183,11 @@ def example_rows(example: Example, points: int) -> list[Row]:
     ]
     with tempfile.TemporaryDirectory() as folder:
         for rate in RATES:
-            sent = np.array([exports(problem.task, motions[int(i)], rate, Path(folder)) for i in certified])
+            sent = np.array([exports(front.problem.task, motions[int(i)], rate, Path(folder)) for i in certified])
             note = f"slowed down {np.nanmax(sent[:, 1]):.3f} times at most, with the ramp"
             rows.append(_row(example.name, f"refused, {rate:g} Hz", "points", sent[:, 0].sum(), 0, note))
             rows.append(_row(example.name, f"beyond, {rate:g} Hz", "share of range", sent[:, 2].max(), 0))
-    rises = prices(problem, motions.q[certified], np.ptp(front.ranges, axis=1))
+    rises = prices(front.problem, motions.q[certified], np.ptp(front.ranges, axis=1))
     for objective, rise in zip(TWO, rises.T, strict=True):
         rows.append(_row(example.name, f"price, {objective.name}", "%", rise.max(initial=0.0), PRICE))
     return rows

@@ -137,23 +137,24 @@ def subject_of(case: Case, *, points: int, seed: int, folder: Path) -> Subject:
     pk.epsilon_front(problem, points=FIRST_POINTS, starts=FIRST_STARTS, seed=seed)
     tell(f"{case.name}: {points} points")
     front, seconds, cpu = timed(lambda: pk.epsilon_front(problem, points=points, seed=seed))
+    task = front.problem.task  # with the samples that refinement added, if any
     tell(f"{case.name}: IPOPT's program")
     begun, named = time.perf_counter(), case.name.replace(" ", "_")
-    if problem.task.differences == "spline":
-        peer = spline_program(problem.task)
+    if task.differences == "spline":
+        peer = spline_program(task)
     else:
-        peer = joint_program(problem.task, compiled_program(problem.task, named, folder) if COMPILER else "")
+        peer = joint_program(task, compiled_program(task, named, folder) if COMPILER else "")
     tell(f"{case.name}: that took {time.perf_counter() - begun:.0f} s")
     staged = None
     if case.raced:
         tell(f"{case.name}: FATROP's program")
         begun = time.perf_counter()
-        staged = staged_program(problem.task, folder if COMPILER else None, named)
+        staged = staged_program(task, folder if COMPILER else None, named)
         tell(f"{case.name}: that took {time.perf_counter() - begun:.0f} s")
     return Subject(
         name=case.name,
         front=front,
-        task=problem.task,
+        task=task,
         ranges=np.ptp(front.minimised, axis=0),
         peer=peer,
         seconds=seconds,

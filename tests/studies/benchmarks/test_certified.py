@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from importlib import import_module
 
 import jaxtyping
 import numpy as np
 import pytest
 
 import paretoik as pk
+from paretoik.task.motion_task import SAMPLES
 from paretoik.trajectory.linearisation import linearise
 from problems import tringali_2020
 from studies.benchmarks.certified import __main__ as study
@@ -279,7 +281,8 @@ def test_quick_writes_strict_json_of_every_case(tmp_path, monkeypatch, subject, 
     assert "largest gain" in capsys.readouterr().out
 
 
-def test_ipopts_program_by_splines_ends_where_ours_does_below_a_peak_too():
+def test_ipopts_program_by_splines_ends_where_ours_does_below_a_peak_too(monkeypatch):
+    monkeypatch.setattr(import_module("paretoik.api.refine"), "SAMPLES", replace(SAMPLES, doublings=0))
     limits = pk.Limits(position=tringali_2020.POSITION, velocity=tringali_2020.VELOCITY)
     both = [pk.kinetic_energy, pk.peak_torque]
     problem = pk.Tracking(pk.arms.tringali_3r(), tringali_2020.straight(26), objectives=both, limits=limits)
