@@ -28,7 +28,7 @@ from paretoik.formulations.closed_loop_arguments import (
     check_start,
 )
 from paretoik.formulations.formulation import Formulation, of_genes
-from paretoik.inputs import check_size, finite_array
+from paretoik.inputs import check_magnitude, check_size, finite_array
 from paretoik.robot.arm import Arm
 from paretoik.search.maximin import MaxiMin
 from paretoik.search.row_operators import BinaryTournament, ReplaceOne, RowCrossover, Seeded
@@ -106,13 +106,16 @@ class ControlStep(Formulation):
         before = np.atleast_2d(finite_array("q", q))
         if before.ndim != 2 or before.shape[1] != arm.dof or not len(before):
             raise InvalidInput(f"q must have shape ({arm.dof},) or (rows, {arm.dof}), got {np.shape(q)}")
+        start = before[0] if home is None else finite_array("home", home, shape=(arm.dof,))
+        for name, values in (("q", before), ("home", start)):
+            check_magnitude(name, values, "rad or m")
         history = np.concatenate([np.tile(before[:1], (HISTORY, 1)), before])[-HISTORY:]
         check_start(whole, history[-1], name="q")
         self.state = state_before(
             whole,
             int(sample),
             history,
-            home=before[0] if home is None else finite_array("home", home, shape=(arm.dof,)),
+            home=start,
             longest=check_longest_step(longest_step),
         )
         self.task = self.state.ending

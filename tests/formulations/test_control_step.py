@@ -193,6 +193,8 @@ NOT_OF_A_STEP = {
     "q: joint1 must lie within -3 to 3, got 4": {"q": [4.0, 0.3, 0.3], "limits": pk.Limits(position=3.0)},
     "q: must be clear of obstacles, got -": {"obstacles": [pk.obstacles.Circle(ELBOW, 0.1)]},
     "home": {"home": [0.0]},
+    "home: at most 1e.* rad or m wanted, got 1e": {"home": [1e308, 0.0, 0.0]},
+    "q: at most 1e.* rad or m wanted, got 1e": {"q": [[1e308, 0.0, 0.0], posture(3)]},
     "limits: of position, velocity and clearance wanted in a control step, got torque": {
         "limits": pk.Limits(torque=1.0)
     },
