@@ -30,7 +30,7 @@ ENERGY_TORQUE = "problems/tringali_2020.py:energy_torque"
 SEARCH = ("solve", ENERGY_TORQUE, "--population=60", "--generations=40", "--seed=1")
 REFINED = ("solve", ENERGY_TORQUE, "--refine", "--population=40", "--generations=12", "--points=8", "--seed=1")
 FRONT = ("front", ENERGY_TORQUE, "--points=4", "--starts=8")
-REFINEMENT = ("refine", "SEARCH")
+REFINEMENT = ("refine", "SEARCH", "--problem", ENERGY_TORQUE)
 WORKERS = ("--workers=2",)
 ON_CLUSTER = ("--cluster", "CLUSTER")
 COMMANDS: dict[str, tuple[str, ...]] = {
@@ -124,7 +124,8 @@ def kill(
             break
         if damaged is not None:
             damage(folder, seed=damaged)
-        command = ("resume", str(folder), *run.workers)
+        problem = next(word for word in run.command if ".py:" in word)
+        command = ("resume", str(folder), "--problem", problem, *run.workers)
         resumed = run_killed(command, folder, phase, np.inf if limit is None else limit, out=False)
         if resumed.returncode not in (0, -signal.SIGKILL):
             return common(outcome="refused", cause=resumed.stderr.strip().splitlines()[-2:][0])
