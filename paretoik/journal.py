@@ -202,6 +202,17 @@ def journalled(file: Path | None) -> Iterator[Journal | None]:
         journal.close()
 
 
+@contextmanager
+def without_journal() -> Iterator[None]:
+    """Let nothing that the body computes be remembered, or taken from a journal: what depends on the clock, say."""
+    active = _ACTIVE.copy()
+    _ACTIVE.clear()
+    try:
+        yield
+    finally:
+        _ACTIVE.extend(active)
+
+
 def is_journalled() -> bool:
     """Say whether what is computed is remembered."""
     return bool(_ACTIVE)

@@ -18,6 +18,7 @@ from paretoik.distribution import workers
 from paretoik.errors import ParetoikError
 from paretoik.execution.time_limit import reserve_time
 from paretoik.formulations.protocol import Differentiable, task_of
+from paretoik.journal import without_journal
 from paretoik.nlp.program import Program, Solver
 from paretoik.pareto.certificates import certify
 from paretoik.pareto.sweep import SweepProgress
@@ -102,7 +103,7 @@ class LaterTime:
     def try_point(self, x: Point, ranges: Float[np.ndarray, " n_obj"], seconds: float) -> None:
         """Look whether a point exceeds limits, and take it through both stages, if trials take little of ``seconds``.
 
-        In a run with a journal it has gone through them when its turn comes.
+        Which points are tried depends on the clock, so that a run's journal has nothing of it.
         """
         key = x.tobytes()
         if key in self.seen or seconds < TIME_LEFT.seconds or sum(self.looks) > OPTIONS.trials * seconds:
@@ -114,7 +115,7 @@ class LaterTime:
             clock.append(computing_clock())
             return clock[-1] - clock[-2]
 
-        with suppress(ParetoikError):
+        with suppress(ParetoikError), without_journal():
             exceeds = self.formulation.individuals(x[None]).violation_between[0] > LIMIT_TOLERANCE
             self.looks.append(lap())
             self.exceeding += int(exceeds)
