@@ -199,6 +199,17 @@ def test_a_motion_that_the_spline_cannot_say_has_a_residual():
     assert (apart > 0.2 * residual).all()
 
 
+def test_a_residual_is_what_the_spline_misses_in_coordinates_of_the_chart():
+    problem, richer = (along_a_line(81, coefficients=count, bases=1) for count in (5, 20))
+    motions, which, charts = richer.decode(genes_of(richer, 10)), np.zeros(10, dtype=int), problem.encoding.charts
+    genes, residual = problem.encoding.encode(problem.task, which, motions.q)
+    decoded, on_path = problem.encoding.decode(problem.task, genes)
+    missed = charts.coordinates(problem.task, which, decoded) - charts.coordinates(problem.task, which, motions.q)
+    whole = on_path.all(axis=1)
+    assert whole.sum() > 3
+    np.testing.assert_allclose(np.abs(missed).max(axis=(1, 2))[whole], residual[whole], rtol=1e-6)
+
+
 def test_coefficients_and_bases_are_as_many_as_asked_for():
     problem = paper_3r(coefficients=7, bases=2)
     assert (problem.encoding.coefficients, problem.n_species, problem.n_var) == (7, 2, 8)

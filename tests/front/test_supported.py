@@ -70,3 +70,11 @@ def test_mixtures_of_near_points_decide_as_mixtures_of_all(n_obj):
     expected = np.array(residuals) > 0.1 * OPTIONS.hull
     assert 0 < expected.sum() < 120
     assert np.array_equal(_unmatched_by_mixtures(shares), expected)
+
+
+def test_a_point_next_to_a_steep_or_a_flat_side_of_the_hull_is_reached():
+    """It is within a millionth of the hull along one objective, and far above it along the other."""
+    steep = np.array([[0.0, 1.0], [0.5 / 999 + 5e-7, 0.5], [1e-3, 1e-3], [1.0, 0.0]])
+    for values in (steep, steep[:, ::-1]):
+        front = Front(ids=np.arange(4), objectives=values, names=["a", "b"], units=["", ""], maximised=[False] * 2)
+        assert front.supported.all()

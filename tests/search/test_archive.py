@@ -107,3 +107,9 @@ def test_above_its_capacity_a_grid_thins_it_but_keeps_the_extremes(n_obj):
 def test_a_capacity_of_nothing_is_refused():
     with pytest.raises(InvalidInput, match="archive capacity: an integer of at least 1 wanted, got 0"):
         Archive(capacity=0)
+
+
+def test_a_point_far_from_the_others_is_kept_though_it_is_better_by_a_hair_only():
+    archive = fill(Archive(), [[0.0, 1.0], [1.0, 0.0]])
+    fill(archive, [[0.5, 1.0 - 1e-10]], first=2)
+    assert archive.ids.tolist() == [0, 1, 2]
