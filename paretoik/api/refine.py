@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -23,10 +22,10 @@ from paretoik.api.verb_session import computing, verb_session
 from paretoik.arrays import Genes, Ids, Point, Points, Values
 from paretoik.call_arguments import check_call
 from paretoik.compilation_notices import computing_clock
-from paretoik.errors import InvalidInput, ParetoikError
+from paretoik.errors import InvalidInput
 from paretoik.execution.executor import check_workers
 from paretoik.execution.run_folder import check_other_folder
-from paretoik.execution.time_limit import check_time_limit, time_is_up
+from paretoik.execution.time_limit import check_time_limit
 from paretoik.fingerprint.fingerprint import check_fingerprint
 from paretoik.formulations.protocol import Differentiable, at_samples_of, require_feasible
 from paretoik.formulations.requirements import require_program
@@ -46,8 +45,8 @@ from paretoik.pareto.warm_start import evaluate_points
 from paretoik.search.ask_tell import Search
 from paretoik.search.endings import Progress
 from paretoik.search.islands import Islands
-from paretoik.stop_flag import STOP, Interrupted
-from paretoik.task.motion_task import SAMPLES
+from paretoik.stop_flag import STOP
+from paretoik.trajectory.levels import on_more_samples
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -240,34 +239,27 @@ def _refine_and_certify(
 
 
 def resolve_front(front: Front, solver: Solver, observe: Observer | None) -> Front:
-    """Return a certified front, on more samples if a value is under-resolved.
+    """Return a certified front, on more samples if a value is under-resolved (``on_more_samples``).
 
-    All its points are refined and certified again with a sample in the middle of every interval too, without those
-    whose curve leaves the path; again while that halves the largest error, some times at most. What fails there, or a
-    signal or the time limit cuts short, is dropped.
+    All its points are refined and certified again there. The front stays as it is if one of them leaves the path
+    between its samples.
     """
     return _resolve(_Refined(front, np.zeros(0, dtype=bool), False), None, solver, observe).front
 
 
 def _resolve(refined: _Refined, before: Front | None, solver: Solver, observe: Observer | None) -> _Refined:
     """Return what ``resolve_front`` does; points that were better on the front ``before`` start from there."""
-    worst = np.inf
-    for _ in range(SAMPLES.doublings):
-        front = refined.front
-        error = _largest_error(front)
-        if time_is_up() or not error or error > SAMPLES.helped * worst:
-            break
-        worst = error
-        with suppress(ParetoikError, Interrupted):
-            problem = front.problem.with_midpoints()
-            x, ids = _curves_at_samples(front, before, problem)
-            show = None if observe is None else partial(_show_samples, observe, len(problem.task.times))
-            finer = _refine_and_certify(problem, x, ids, ranges_of(front.minimised), front.provenance, solver, show)
-            if len(finer.front) and not (finer.ended or time_is_up()):
-                refined = finer
-        if refined.front is front:
-            break
-    return refined
+
+    def refine(coarse: _Refined) -> _Refined | None:
+        front = coarse.front
+        problem = front.problem.with_midpoints()
+        x = _curves_at_samples(front, before, problem)
+        show = None if observe is None else partial(_show_samples, observe, len(problem.task.times))
+        ranges = ranges_of(front.minimised)
+        finer = _refine_and_certify(problem, x, front.ids, ranges, front.provenance, solver, show)
+        return None if finer.ended else finer
+
+    return on_more_samples(refined, lambda coarse: _largest_error(coarse.front), refine)
 
 
 def _largest_error(front: Front) -> float:
@@ -277,16 +269,16 @@ def _largest_error(front: Front) -> float:
     return float((errors / ranges_of(front.minimised)).max(initial=0.0))
 
 
-def _curves_at_samples(front: Front, before: Front | None, problem: Any) -> tuple[Points, Ids]:
-    """Return the curves of a front as points of a problem on more samples, with their ids.
+def _curves_at_samples(front: Front, before: Front | None, problem: Any) -> Points:
+    """Return the curves of a front as points of a problem on more samples.
 
-    Those that are worse there than on the front ``before`` are as they were.
+    Those that are worse there than on the front ``before`` are as they were. Raises Infeasible if a curve of the front
+    leaves the path.
     """
-    x = problem.curve_points(front.motions)
-    on_path = np.isfinite(x).all(axis=(1, 2))
-    x, ids = x[on_path], front.ids[on_path]
+    motions: Any = front.motions
+    x: Points = motions.at(problem.task.times)
     if before is not None and before.motions is not None:
-        _, rows, rows_before = np.intersect1d(ids, before.ids, return_indices=True)
+        _, rows, rows_before = np.intersect1d(front.ids, before.ids, return_indices=True)
         curves = problem.curve_points(before.motions[rows_before])
         on_path = np.isfinite(curves).all(axis=(1, 2))
         rows, curves = rows[on_path], curves[on_path]
@@ -294,7 +286,7 @@ def _curves_at_samples(front: Front, before: Front | None, problem: Any) -> tupl
         rise = (now.objectives - former.objectives)[:, : len(front.names)] / ranges_of(front.minimised)
         better = (former.violation <= WARM_STARTS.violation) & (rise > CERTIFIED.tolerance).any(axis=1)
         x[rows[better]] = curves[better]
-    return x, ids
+    return x
 
 
 def _show_samples(observe: Observer, samples: int, progress: RunProgress) -> object:

@@ -108,7 +108,7 @@ class Tracking(Formulation):
     encoding: Encoding
     finer_than: Tracking | None = None
     computed_attributes = ("_rollouts", "encoding")
-    search_attributes = ("_encoded_with",)  # what follows from it counts
+    search_attributes = ("_encoded_with",)  # ``encoding``, which is made with them, counts
     species_gene = 0  # it names the base motion
     follows_path = True
     navigate = navigate

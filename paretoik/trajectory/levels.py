@@ -9,22 +9,25 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
+from typing import TypeVar
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from paretoik.errors import Infeasible
+from paretoik.errors import Infeasible, ParetoikError
+from paretoik.execution.time_limit import time_is_up
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.minimise import minimise, minimise_violation
 from paretoik.nlp.program import Solver
 from paretoik.nlp.solutions import INTERRUPTED, Solutions, concatenate
 from paretoik.stop_flag import Interrupted
 from paretoik.task.evaluation import require_values
-from paretoik.task.motion_task import MotionTask
+from paretoik.task.motion_task import SAMPLES, MotionTask
 from paretoik.trajectory.level_progress import LevelProgress, ObserveLevel
 from paretoik.trajectory.program import MotionProgram, joint_distance
 from paretoik.trajectory.transcription import motion_program
 
+Result = TypeVar("Result")
 Further = Callable[[Solutions], tuple[np.ndarray, Sequence[InteriorPointOptions]]]
 FurtherAt = Callable[[MotionProgram, np.ndarray, Solutions | None], Further | None]
 Disturb = Callable[[MotionProgram, Solutions], Solutions]
@@ -269,6 +272,28 @@ def _restore(
     if not feasible.any():
         return restored
     return minimise(program, restored.x[feasible], weights[None], upper[None], OPTIONS.holding, solver=solver)
+
+
+def on_more_samples(
+    result: Result, error: Callable[[Result], float], refine: Callable[[Result], Result | None]
+) -> Result:
+    """Return a plan or a front on more samples of its path, if values are too far off those of the curves.
+
+    ``error`` is the largest of those, 0 if none is. ``refine`` returns the result with a sample in the middle of every
+    interval too, None if something would be lost. It is called again while that halves the error, some times at most.
+    If it fails, or a signal or the time limit ends it, the result before stays.
+    """
+    worst = np.inf
+    for _ in range(SAMPLES.doublings):
+        finer = None
+        with suppress(ParetoikError, Interrupted):
+            present = error(result)
+            if present and present <= SAMPLES.helped * worst and not time_is_up():
+                finer, worst = refine(result), present
+        if finer is None or time_is_up():
+            break
+        result = finer
+    return result
 
 
 def resample(

@@ -6,7 +6,6 @@ Source: Tringali & Cocuzza 2020, section 3.1.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -15,8 +14,7 @@ from jaxtyping import Float
 
 from paretoik.arrays import JointPaths
 from paretoik.call_arguments import check_call
-from paretoik.errors import Infeasible, ParetoikError, SolverFailed
-from paretoik.execution.time_limit import time_is_up
+from paretoik.errors import Infeasible, SolverFailed
 from paretoik.front.indicators import OPTIONS as INDICATORS
 from paretoik.front.provenance import ADDED_SAMPLES, confirmation
 from paretoik.nlp.minimise import check_solver, chosen_solver
@@ -31,7 +29,7 @@ from paretoik.tables import columns, field_representation, fit_screen, html_repr
 from paretoik.task.evaluation import require_values
 from paretoik.task.limits import LIMIT_TOLERANCE
 from paretoik.task.motion import Motion
-from paretoik.task.motion_task import SAMPLES, MotionTask
+from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.infeasibility import infeasible_error, require_feasible
 from paretoik.trajectory.level_progress import ObserveLevel
 from paretoik.trajectory.levels import (
@@ -42,6 +40,7 @@ from paretoik.trajectory.levels import (
     level_programs,
     level_progress,
     objective_scales,
+    on_more_samples,
     refine_levels,
     resample,
 )
@@ -156,37 +155,34 @@ def resolve_plan(
     solver: Solver = "auto",
     observe: ObserveLevel | None = None,
 ) -> Plan:
-    """Return a plan of a task, on more samples if an optimum is under-resolved.
+    """Return a plan of a task, on more samples if an optimum is under-resolved (``on_more_samples``).
 
-    All optima are minimised again with a sample in the middle of every interval too, without those whose curve leaves
-    the path; again while that halves the largest error, some times at most. What fails there, or a signal or the time
-    limit cuts short, is dropped. An error that is rounding of the objective's size at ``rollouts`` adds no samples.
-    ``given`` is the number of the user's samples.
+    All optima are minimised again there. The plan stays as it is if one of them leaves the path between its samples or
+    does not converge. An error that is rounding of the objective's size at ``rollouts`` counts as none. ``given`` is
+    the number of the user's samples.
     """
-    worst = np.inf
-    for _ in range(SAMPLES.doublings):
-        errors = [each.discretisation_error for each in plan.optima if each.status == UNDER_RESOLVED]
-        if time_is_up() or not errors or max(errors) > SAMPLES.helped * worst:
-            break
-        former, finer, worst = plan, task.with_midpoints(), max(errors)
-        with suppress(ParetoikError, Interrupted):
-            if worst <= INDICATORS.rounding * objective_scales(task, rollouts)[0]:
-                break
-            starts = resample(task, np.stack([each.motion.q for each in plan.optima]), finer)
-            program = motion_program(finer, objective_scales(finer, starts))
-            ends = minimise_from(program, starts, np.ones(1), solver=solver)
-            solutions = _merge(finer, ends[:0], ends[ends.violation <= OPTIONS.feasible])
-            if observe is not None:
-                observe(level_progress(finer, starts, ends, solutions))
-            resolved = _plan(finer, solutions, None, plan.levels, plan.starts, solver)
-            if solutions.converged.any() and not time_is_up():
-                levels = (*plan.levels, (len(finer.times), len(resolved.optima)))
-                samples = {ADDED_SAMPLES: {"path": given, "used": len(finer.times)}}
-                plan = replace(resolved, levels=levels, provenance={**resolved.provenance, **samples})
-        if plan is former:
-            break
-        task = finer
-    return plan
+
+    def error(found: tuple[MotionTask, Plan]) -> float:
+        errors = [each.discretisation_error for each in found[1].optima if each.status == UNDER_RESOLVED]
+        rounding = INDICATORS.rounding * objective_scales(task, rollouts)[0] if errors else 0.0
+        return max((each for each in errors if each > rounding), default=0.0)
+
+    def refine(found: tuple[MotionTask, Plan]) -> tuple[MotionTask, Plan] | None:
+        former, plan = found
+        finer = former.with_midpoints()
+        starts = resample(former, np.stack([each.motion.q for each in plan.optima]), finer)
+        ends = minimise_from(motion_program(finer, objective_scales(finer, starts)), starts, np.ones(1), solver=solver)
+        if len(ends) < len(plan.optima) or not (ends.converged & (ends.violation <= OPTIONS.feasible)).all():
+            return None
+        solutions = _merge(finer, ends[:0], ends)
+        if observe is not None:
+            observe(level_progress(finer, starts, ends, solutions))
+        resolved = _plan(finer, solutions, None, plan.levels, plan.starts, solver)
+        levels = (*plan.levels, (len(finer.times), len(resolved.optima)))
+        samples = {ADDED_SAMPLES: {"path": given, "used": len(finer.times)}}
+        return finer, replace(resolved, levels=levels, provenance={**resolved.provenance, **samples})
+
+    return on_more_samples((task, plan), error, refine)[1]
 
 
 def _minimise_initial(

@@ -19,8 +19,7 @@ from paretoik.task.between import finer_motion
 from paretoik.task.motion_task import SAMPLES
 from problems import panda
 
-REFINE = import_module("paretoik.api.refine")
-PLAN = import_module("paretoik.trajectory.plan")
+LEVELS = import_module("paretoik.trajectory.levels")
 OBJECTIVES = {
     "integral": [pk.kinetic_energy, pk.torque_norm],
     "peak": [pk.kinetic_energy, pk.peak_velocity],
@@ -122,7 +121,7 @@ def test_a_refined_point_is_no_worse_on_its_curve_than_it_was(searched):
 @pytest.mark.slow
 def test_points_that_were_resolved_are_no_worse_on_the_finer_grid(monkeypatch):
     problem = planar(6, OBJECTIVES["peak"])
-    monkeypatch.setattr(REFINE, "SAMPLES", replace(SAMPLES, doublings=0))
+    monkeypatch.setattr(LEVELS, "SAMPLES", replace(SAMPLES, doublings=0))
     coarse = pk.epsilon_front(problem, points=5, starts=3)
     assert set(coarse.certificates.status) == {"minimum", "under-resolved"}
     assert "samples" not in coarse.provenance
@@ -188,7 +187,7 @@ def test_a_plan_gets_samples_and_says_so(tmp_path):
 
 def test_a_value_that_stays_off_its_curve_stays_under_resolved(monkeypatch):
     problem = planar(5, [pk.peak_velocity])
-    monkeypatch.setattr(PLAN, "SAMPLES", replace(SAMPLES, doublings=0))
+    monkeypatch.setattr(LEVELS, "SAMPLES", replace(SAMPLES, doublings=0))
     plan = pk.plan(problem, starts=3)
     assert "under-resolved" in {each.status for each in plan.optima}
     assert "samples" not in plan.provenance

@@ -49,7 +49,9 @@ SLOW = ("absolute values", "a peak")  # torques take long to compile
     "name", [pytest.param(name, marks=[pytest.mark.slow] if name in SLOW else []) for name in PROBLEMS]
 )
 def test_an_optimum_with_kinks_is_critical_and_a_motion_next_to_it_is_not(name, tmp_path, monkeypatch):
-    monkeypatch.setattr(import_module("paretoik.trajectory.plan"), "SAMPLES", dataclasses.replace(SAMPLES, doublings=0))
+    monkeypatch.setattr(
+        import_module("paretoik.trajectory.levels"), "SAMPLES", dataclasses.replace(SAMPLES, doublings=0)
+    )
     problem = PROBLEMS[name]()
     pk.plan(problem, starts=2, out=tmp_path / "run", observe=False)
     good = read_contents(tmp_path / "run")

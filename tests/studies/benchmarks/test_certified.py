@@ -282,7 +282,7 @@ def test_quick_writes_strict_json_of_every_case(tmp_path, monkeypatch, subject, 
 
 
 def test_ipopts_program_by_splines_ends_where_ours_does_below_a_peak_too(monkeypatch):
-    monkeypatch.setattr(import_module("paretoik.api.refine"), "SAMPLES", replace(SAMPLES, doublings=0))
+    monkeypatch.setattr(import_module("paretoik.trajectory.levels"), "SAMPLES", replace(SAMPLES, doublings=0))
     limits = pk.Limits(position=tringali_2020.POSITION, velocity=tringali_2020.VELOCITY)
     both = [pk.kinetic_energy, pk.peak_torque]
     problem = pk.Tracking(pk.arms.tringali_3r(), tringali_2020.straight(26), objectives=both, limits=limits)
