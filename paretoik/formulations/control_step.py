@@ -84,7 +84,7 @@ class ControlStep(Formulation):
         self,
         arm: Arm,
         path: Path | Task | Sequence[Path | Task],
-        q: Sequence[float] | Sequence[Sequence[float]] | np.ndarray,
+        q: Sequence[float] | Sequence[Sequence[float] | np.ndarray] | np.ndarray,
         *,
         sample: int = 1,
         home: Sequence[float] | np.ndarray | None = None,
