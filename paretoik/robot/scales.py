@@ -29,3 +29,11 @@ def characteristic_length(arm: Arm) -> float:
 def joint_scales(arm: Arm) -> Float[np.ndarray, " dof"]:
     """Return what distances of each joint are measured in: 1 rad, or the arm's characteristic length [m] of a slide."""
     return read_only(np.where(arm.periodic, 1.0, characteristic_length(arm)))
+
+
+@lru_cache(maxsize=256)
+def geometry_key(arm: Arm) -> tuple[object, ...]:
+    """Return all that poses of an arm's links and its scales depend on, for dictionaries: arms alike share a key."""
+    poses = [*arm.placements, arm.tool, arm.base]
+    numbers = np.concatenate([part for pose in poses for part in (pose.position, pose.quaternion)])
+    return arm.joint_types, arm.is_planar, characteristic_length(arm), numbers.tobytes()

@@ -7,8 +7,7 @@ one matrix, ∂g/∂q D: the implicit function theorem.
 
 from __future__ import annotations
 
-from collections import OrderedDict
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -17,12 +16,12 @@ from scipy.interpolate import CubicSpline
 
 from paretoik.arrays import JointPaths, Series, Times
 from paretoik.autodiff.differentiation import gradient, tangents
-from paretoik.autodiff.evaluator import Evaluator, compile_evaluator
+from paretoik.autodiff.evaluator import Evaluator
 from paretoik.autodiff.tape import Tape, as_entry
 from paretoik.robot.arm import Arm
 from paretoik.robot.scales import joint_scales
 from paretoik.tables import field_representation, html_representation
-from paretoik.task.retraction import OPTIONS, compiled_steps, row_scales
+from paretoik.task.retraction import compiled_steps, path_evaluator, row_scales
 from paretoik.task.task import Task, path_equations, path_jacobian
 
 Frames: TypeAlias = Float[np.ndarray, "*batch instants dof rows"]
@@ -94,7 +93,7 @@ def rate_evaluator(arm: Arm, tasks: Sequence[Task]) -> Evaluator:
         slopes = [entry for equation in equations for entry in gradient(tape, equation, q)]
         return tape, [*slopes, *first, *second]
 
-    return cached_evaluator("rates", arm, tasks, build)
+    return path_evaluator("rates", arm, tasks, build)
 
 
 def normal_evaluator(arm: Arm, tasks: Sequence[Task]) -> Evaluator:
@@ -107,25 +106,13 @@ def normal_evaluator(arm: Arm, tasks: Sequence[Task]) -> Evaluator:
         first = tangents(tape, jacobian, _directions(s, ds))
         return tape, [*jacobian, *first, *tangents(tape, first, _directions(s, ds) | _directions(ds, dds))]
 
-    return cached_evaluator("normals", arm, tasks, build)
+    return path_evaluator("normals", arm, tasks, build)
 
 
 def scaled_jacobian(tape: Tape, arm: Arm, tasks: Sequence[Task], q: list[Any]) -> list[int]:
     """Return the entries of the tasks' Jacobian on a tape, by rows, relative to ``row_scales``."""
     shares = np.repeat(1.0 / row_scales(arm, tasks), arm.dof)
     return [as_entry(tape, slope * share) for slope, share in zip(path_jacobian(arm, tasks, q), shares, strict=True)]
-
-
-def cached_evaluator(
-    kind: str, arm: Arm, tasks: Sequence[Task], build: Callable[[], tuple[Tape, list[int]]]
-) -> Evaluator:
-    """Return the evaluator of a tape's outputs, from memory if it was built before for such tasks on any path."""
-    key = kind, arm, *((task.frame, task.axes) for task in tasks)
-    if key not in _EVALUATORS:
-        _EVALUATORS[key] = compile_evaluator(*build())
-        if len(_EVALUATORS) > OPTIONS.cache_size:
-            _EVALUATORS.popitem(last=False)
-    return _EVALUATORS[key]
 
 
 def trace_path(arm: Arm, tasks: Sequence[Task]) -> tuple[Tape, list[list[int]], list[list[int]]]:
@@ -152,5 +139,3 @@ def _inputs(tape: Tape, count: int) -> list[list[Any]]:
 def _directions(values: Sequence[Any], rates: Sequence[Any]) -> dict[int, int]:
     return {value.index: rate.index for value, rate in zip(values, rates, strict=True)}
 
-
-_EVALUATORS: OrderedDict[Any, Evaluator] = OrderedDict()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -14,8 +14,8 @@ from jaxtyping import Bool, Float
 from paretoik.autodiff.evaluator import Evaluator, compile_evaluator
 from paretoik.autodiff.tape import Tape, as_entry
 from paretoik.robot.arm import Arm
-from paretoik.robot.scales import characteristic_length, joint_scales
-from paretoik.task.task import Task, path_errors, path_jacobian
+from paretoik.robot.scales import characteristic_length, geometry_key, joint_scales
+from paretoik.task.task import Task, frame_of, path_errors, path_jacobian
 
 ON_PATH_TOLERANCE = 1e-10  # of the arm's length, and rad: rounding may keep from Newton's tolerance, not from this
 
@@ -148,13 +148,29 @@ def compiled_steps() -> Any:
 
 def error_evaluator(arm: Arm, tasks: Sequence[Task]) -> Evaluator:
     """Return the evaluator of all errors, then all entries of the Jacobian, at joint positions and targets."""
-    key = arm, *((task.frame, task.axes) for task in tasks)
-    if key not in _EVALUATORS:
+
+    def build() -> tuple[Tape, list[int]]:
         tape = Tape()
         q: list[Any] = [tape.input() for _ in range(arm.dof)]
         targets: list[Any] = [tape.input() for task in tasks for _ in range(task.target_size)]
         values = [*path_errors(arm, tasks, q, targets), *path_jacobian(arm, tasks, q)]
-        _EVALUATORS[key] = compile_evaluator(tape, [as_entry(tape, value) for value in values])
+        return tape, [as_entry(tape, value) for value in values]
+
+    return path_evaluator("errors", arm, tasks, build)
+
+
+def path_evaluator(
+    kind: str, arm: Arm, tasks: Sequence[Task], build: Callable[[], tuple[Tape, list[int]]]
+) -> Evaluator:
+    """Return the evaluator of a tape's outputs, from memory if it was built before.
+
+    Arms of the same geometry share it, on any path: every problem has a copy of its arm.
+    """
+    frames = [frame_of(arm, task.frame) for task in tasks]
+    places = [(frame.link, frame.pose.position.tobytes(), frame.pose.quaternion.tobytes()) for frame in frames]
+    key = kind, geometry_key(arm), *zip(places, (task.axes for task in tasks), strict=True)
+    if key not in _EVALUATORS:
+        _EVALUATORS[key] = compile_evaluator(*build())
         if len(_EVALUATORS) > OPTIONS.cache_size:
             _EVALUATORS.popitem(last=False)
     return _EVALUATORS[key]

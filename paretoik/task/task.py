@@ -180,7 +180,7 @@ class Task:
         """Return a row of ``displacements`` in the coordinates of ``errors``, as components."""
         components = list(displacement[: self.position_rows])
         if self.has_orientation:
-            rotation, _ = frame_components(arm, links, _frame(arm, self.frame))
+            rotation, _ = frame_components(arm, links, frame_of(arm, self.frame))
             x, y, z = displacement[self.position_rows :]
             vector = apply_transposed(rotation, (x, y, z))
             components += [vector[i] for i in self._rotation_axes]
@@ -188,7 +188,7 @@ class Task:
 
     def errors(self, arm: Arm, links: LinkFrames, target: Components) -> list[Component]:
         """Return the errors at a target as components, all of them expressions or numbers."""
-        rotation, position = frame_components(arm, links, _frame(arm, self.frame))
+        rotation, position = frame_components(arm, links, frame_of(arm, self.frame))
         size = self.position_rows
         error = [minus(target[i], position[i]) for i in range(size)]
         if self.has_orientation:
@@ -198,7 +198,7 @@ class Task:
 
     def jacobian(self, arm: Arm, links: LinkFrames) -> list[list[Component]]:
         """Return the Jacobian rows of the frame's motion as components: J δq = error is Newton's step."""
-        frame = _frame(arm, self.frame)
+        frame = frame_of(arm, self.frame)
         rotation, position = frame_components(arm, links, frame)
         columns = jacobian_components(arm, links, frame, position)
         jacobian = [[linear[i] for linear, _ in columns] for i in range(self.position_rows)]
@@ -213,7 +213,7 @@ class Task:
         Unlike the rotation vector, sines of the angle have derivatives of every order on the path itself, and the same
         first and second ones there. They vanish at half turns too: use them for motions that are on the path.
         """
-        rotation, position = frame_components(arm, links, _frame(arm, self.frame))
+        rotation, position = frame_components(arm, links, frame_of(arm, self.frame))
         size = self.position_rows
         residuals = [minus(position[i], target[i]) for i in range(size)]
         if self.has_orientation:
@@ -287,7 +287,8 @@ def _keeps_height(arm: Arm, frame: str) -> bool:
 
 
 @lru_cache(maxsize=64)
-def _frame(arm: Arm, name: str) -> Frame:
+def frame_of(arm: Arm, name: str) -> Frame:
+    """Return a frame of an arm, from memory."""
     return arm.frame(name)  # it searches and builds; retraction calls this a thousand times
 
 

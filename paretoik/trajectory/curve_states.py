@@ -17,7 +17,6 @@ from paretoik.autodiff.tape import Expression, Tape, as_entry
 from paretoik.robot.arm import Arm
 from paretoik.robot.scales import joint_scales
 from paretoik.task.joint_curve import (
-    cached_evaluator,
     normal_evaluator,
     rate_evaluator,
     scaled_jacobian,
@@ -25,7 +24,7 @@ from paretoik.task.joint_curve import (
     trace_path,
 )
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.retraction import ON_PATH_TOLERANCE, OPTIONS, error_evaluator, row_scales
+from paretoik.task.retraction import ON_PATH_TOLERANCE, OPTIONS, error_evaluator, path_evaluator, row_scales
 from paretoik.task.task import Task
 from paretoik.trajectory.compiled.curve_states import Curve
 
@@ -65,7 +64,7 @@ def _slopes(arm: Arm, tasks: Sequence[Task]) -> Evaluator:
         tape, (q, *_), parts = trace_path(arm, tasks)
         return tape, [entry for part in parts for each in part for entry in gradient(tape, each, q)]
 
-    return cached_evaluator("slopes", arm, tasks, build)
+    return path_evaluator("slopes", arm, tasks, build)
 
 
 def _turns(arm: Arm, tasks: Sequence[Task]) -> Evaluator:
@@ -78,7 +77,7 @@ def _turns(arm: Arm, tasks: Sequence[Task]) -> Evaluator:
         return [sum((m * jacobian[i * arm.dof + j] for i, m in enumerate(factors)), 0.0) for j in range(arm.dof)]
 
     rows = sum(task.rows for task in tasks)
-    return cached_evaluator("turns", arm, tasks, lambda: _trace_slopes(arm, tasks, rows, sums))
+    return path_evaluator("turns", arm, tasks, lambda: _trace_slopes(arm, tasks, rows, sums))
 
 
 def _twists(arm: Arm, tasks: Sequence[Task]) -> Evaluator:
@@ -91,7 +90,7 @@ def _twists(arm: Arm, tasks: Sequence[Task]) -> Evaluator:
         rows = range(0, len(jacobian), arm.dof)
         return [sum((m * jacobian[i + j] for j, m in enumerate(factors)), 0.0) for i in rows]
 
-    return cached_evaluator("twists", arm, tasks, lambda: _trace_slopes(arm, tasks, arm.dof, sums))
+    return path_evaluator("twists", arm, tasks, lambda: _trace_slopes(arm, tasks, arm.dof, sums))
 
 
 def _trace_slopes(

@@ -20,6 +20,7 @@ from paretoik.self_motion.start_postures import sample_postures
 from paretoik.stop_flag import check_interruption
 from paretoik.task.distances import clearance, closest_pair, signed_distance
 from paretoik.task.evaluation import evaluate_motions
+from paretoik.task.joint_curve import target_rates
 from paretoik.task.limits import LIMIT_TOLERANCE, Bounds
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
@@ -245,21 +246,22 @@ def _proof_text(task: MotionTask, motion: Motion, sample: int | None) -> str:
 
 
 def _sample_without_posture(task: MotionTask, rollouts: JointPaths) -> int | None:
-    """Return a sample none of whose postures keeps the limits on position and clearance, as far as found.
+    """Return a sample none of whose postures keeps the limits on position, clearance and velocity, as far as found.
 
-    Samples are tried for which roll-outs have none, the worst first.
+    Samples are tried if no roll-out keeps the limits there, the worst first.
     """
     obstructed = obstructed_sample(task)
     if obstructed is not None:
         return obstructed
-    least = np.array([_posture_violation(task, k, rollouts[:, k]).min() for k in range(len(task.times))])
-    for _ in range(OPTIONS.samples):
-        worst = int(np.argmax(least))
-        if least[worst] <= OPTIONS.clear_posture:
-            break
-        if _best_postures(task, worst, others=rollouts[:, worst])[1].min() > OPTIONS.clear_posture:
-            return worst
-        least[np.abs(task.times - task.times[worst]) <= OPTIONS.apart * task.times[-1]] = 0.0
+    for measure, clear in ((_posture_violation, OPTIONS.clear_posture), (_speed_violation, OPTIONS.clear)):
+        least = np.array([measure(task, k, rollouts[:, k]).min() for k in range(len(task.times))])
+        for _ in range(OPTIONS.samples):
+            worst = int(np.argmax(least))
+            if least[worst] <= clear:
+                break
+            if _best_postures(task, worst, measure, rollouts[:, worst])[1].min() > clear:
+                return worst
+            least[np.abs(task.times - task.times[worst]) <= OPTIONS.apart * task.times[-1]] = 0.0
     return None
 
 
@@ -310,6 +312,28 @@ def _posture_violation(task: MotionTask, sample: int, q: np.ndarray) -> np.ndarr
         distance = clearance(task.obstacles, link_nodes(task.arm, q), task.link_radius)
         worst = np.maximum(worst, (task.min_clearance - distance) / task.clearance_range)
     return worst
+
+
+def _speed_violation(task: MotionTask, sample: int, q: np.ndarray) -> np.ndarray:
+    """Return by how much postures (postures,) exceed velocity limits at least, as shares of their ranges.
+
+    The tool moves at ẋ = J q̇ on the curve of a spline, whatever the self-motion. With |q̇ᵢ| ≤ f sᵢ, sᵢ the limits,
+    u·ẋ ≤ f Σᵢ |u·Jᵢ| sᵢ for every unit vector u. 0 for other differences, whose velocities are those of chords.
+    """
+    least = np.ones(len(q))
+    if "velocity" not in task.bounds or task.differences != "spline":
+        return least - 1
+    fastest = np.abs(task.bounds["velocity"]).max(axis=(0, 2))
+    velocity, row, column = target_rates(task.tasks, task.times[[sample]])[0][0], 0, 0
+    _, jacobian = task_errors(task.arm, task.tasks, q, task.targets[sample])
+    for one in task.tasks if np.isfinite(fastest).all() else ():
+        size = one.position_rows
+        here, wanted = jacobian[:, row : row + size], velocity[column : column + size]
+        for u in _directions(wanted, here):
+            most = (np.abs(np.einsum("br,brd->bd", u, here)) * fastest).sum(axis=1)
+            least = np.maximum(least, u @ wanted / np.maximum(most, 1e-300))
+        row, column = row + one.rows, column + one.target_size
+    return (least - 1) / 2
 
 
 def _at_sample(bounds: Bounds, sample: int) -> Float[np.ndarray, "dof 2"]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import paretoik as pk
+from paretoik.formulations.protocol import at_samples_of
 from paretoik.robot.kinematics import jacobian
 from studies.benchmarks.reliability.verifier.editing import Edited
 from studies.benchmarks.reliability.verifier.good_runs import tracking
@@ -131,7 +132,7 @@ def admit_violation(run: Edited) -> None:
 
 def deny_criticality(run: Edited) -> None:
     """Bend motions along the self-motion and compute their objectives again; certificates stay those of before."""
-    problem = tracking()
+    problem = at_samples_of(tracking(), run.motions["q"])
     for row in range(len(run.motions["q"])):
         q = run.motions["q"][row]
         bumped = q + 0.05 * np.sin(np.linspace(0.0, np.pi, len(q)))[:, None] * np.array([1.0, -1.0, 0.5])
