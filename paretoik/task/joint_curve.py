@@ -138,4 +138,3 @@ def _inputs(tape: Tape, count: int) -> list[list[Any]]:
 
 def _directions(values: Sequence[Any], rates: Sequence[Any]) -> dict[int, int]:
     return {value.index: rate.index for value, rate in zip(values, rates, strict=True)}
-

@@ -324,7 +324,8 @@ def _speed_violation(task: MotionTask, sample: int, q: np.ndarray) -> np.ndarray
     if "velocity" not in task.bounds or task.differences != "spline":
         return least - 1
     fastest = np.abs(task.bounds["velocity"]).max(axis=(0, 2))
-    velocity, row, column = target_rates(task.tasks, task.times[[sample]])[0][0], 0, 0
+    _, (velocity,), _ = target_rates(task.tasks, task.times[[sample]])
+    row = column = 0
     _, jacobian = task_errors(task.arm, task.tasks, q, task.targets[sample])
     for one in task.tasks if np.isfinite(fastest).all() else ():
         size = one.position_rows

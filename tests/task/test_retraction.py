@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from paretoik import Arm, Pose, Task, line
 from paretoik.robot.arms import marcos_nr, tringali_3r
 from paretoik.robot.kinematics import forward_kinematics
-from paretoik.task.retraction import ON_PATH_TOLERANCE, retract, retract_nearest, row_space_basis, task_errors
+from paretoik.task.retraction import (
+    ON_PATH_TOLERANCE,
+    error_evaluator,
+    retract,
+    retract_nearest,
+    row_space_basis,
+    task_errors,
+)
 from tests.formulations.problems import panda, random_arm
 from tests.task.test_task import FLAT_POSES, POINTS_2D, POSES, SPATIAL, targets_at, through
 from tests.task.test_task import KINDS as EVERY_KIND
@@ -182,3 +191,14 @@ def test_shapes_of_batches_do_not_matter(arm, axes, path):
     same = [task_errors(arm, [task], start, other) for other in (targets[0], np.tile(targets[0], (6, 1)))]
     for once, tiled in zip(*same, strict=True):
         np.testing.assert_array_equal(once, tiled)
+
+
+def test_arms_of_one_geometry_share_an_evaluator_and_no_others_do():
+    arm, task = marcos_nr(3), Task(line([0.5, 0.2], [0.9, 0.4], duration=1.0))
+    tasks = (task.resolve_axes(arm),)
+    first = error_evaluator(arm, tasks)
+    assert error_evaluator(replace(arm, name="another", velocity_limits=np.full(3, 2.0)), tasks) is first
+    longer = arm.with_tool(Pose([0.1, 0.0, 0.0]))
+    assert error_evaluator(longer, tasks) is not first
+    angled = (Task(line([0.2, 0.4], [0.9, 0.4], duration=2.0), axes="xy").resolve_axes(arm),)
+    assert error_evaluator(arm, angled) is first

@@ -13,8 +13,9 @@ import paretoik as pk
 from paretoik.errors import SolverFailed
 from paretoik.robot.dynamics import gravity_torques
 from paretoik.robot.kinematics import link_nodes
+from paretoik.self_motion.start_postures import sample_postures
 from paretoik.task.distances import clearance
-from paretoik.trajectory.infeasibility import no_posture_keeps_limits
+from paretoik.trajectory.infeasibility import _speed_violation, no_posture_keeps_limits
 from paretoik.trajectory.levels import coarsest_level, first_levels
 from problems import panda, tringali_2020
 
@@ -231,6 +232,33 @@ def test_speeds_are_proved_impossible_only_if_linear_programs_of_all_postures_sa
         ).task
         proved.append(no_posture_keeps_limits(task, sample))
     assert proved == [True, True, False]
+
+
+@pytest.mark.parametrize("spatial", [False, True], ids=["plane", "space"])
+def test_the_speed_that_a_posture_needs_is_that_of_linear_programs(spatial):
+    arm = panda.panda() if spatial else pk.arms.tringali_3r()
+    path = pk.line([0.5, -0.2, 0.5], [0.4, 0.3, 0.3], duration=1.0) if spatial else tringali_2020.straight(101)
+    limits, sample = np.linspace(0.1, 0.3, arm.dof), 40
+    problem = pk.Tracking(
+        arm, path, objectives=[pk.kinetic_energy], limits=pk.Limits(position=np.inf, velocity=limits), bases=1
+    )
+    q = sample_postures(problem.task, 20, np.random.default_rng(0), sample=sample)
+    velocity = path.rates(path.times[[sample]]).velocity[0]
+    needed = [least_speed(arm.jacobian(each)[: len(velocity)] * limits, velocity) for each in q]
+    assert len(q) > 5
+    assert _speed_violation(problem.task, sample, q) == pytest.approx((np.array(needed) - 1) / 2, rel=1e-9)
+
+
+def test_velocities_of_chords_are_left_to_the_motions():
+    limits = pk.Limits(velocity=0.1)
+    problem = pk.Tracking(
+        pk.arms.tringali_3r(),
+        tringali_2020.straight(101),
+        objectives=[pk.kinetic_energy],
+        limits=limits,
+        differences="backward",
+    )
+    assert not _speed_violation(problem.task, 40, np.zeros((2, 3))).any()
 
 
 def least_speed(jacobian, velocity):
