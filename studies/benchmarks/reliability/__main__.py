@@ -18,7 +18,7 @@ from __future__ import annotations
 import shutil
 import tempfile
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
@@ -49,7 +49,7 @@ from studies.benchmarks.reliability.phases import PHASES
 from studies.benchmarks.reliability.user_faults import faults
 from studies.benchmarks.reliability.verifier.counting import verifier_rows
 from studies.benchmarks.scaling.local_cluster import local_cluster
-from studies.reporting import Row, report, study_parser, tell
+from studies.reporting import Row, report, save_rows, study_parser, tell
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,17 +91,21 @@ def main() -> None:
     arguments = parser.parse_args()
     kills = arguments.kills or (OPTIONS.quick if arguments.quick else OPTIONS.kills)
     disks = OPTIONS.quick_disks if arguments.quick else OPTIONS.disks
-    with tempfile.TemporaryDirectory() as place:
-        folder = Path(place)
-        rows_of = {
-            "kills": lambda: _kill_rows(folder, kills, arguments.runs),
-            "journal": lambda: _journal_rows(folder),
-            "disks": lambda: _disk_rows(folder, disks),
-            "verifier": lambda: verifier_rows(folder),
-            "faults": lambda: _fault_rows(folder),
-        }
-        rows = [row for part in PARTS if part in arguments.parts for row in rows_of[part]()]
-    report(rows, json_file=arguments.json)
+    rows_of: dict[str, Callable[[Path], Iterable[Row]]] = {
+        "kills": lambda folder: _kill_rows(folder, kills, arguments.runs),
+        "journal": _journal_rows,
+        "disks": lambda folder: _disk_rows(folder, disks),
+        "verifier": verifier_rows,
+        "faults": _fault_rows,
+    }
+    rows = list[Row]()
+    for part in PARTS:
+        if part in arguments.parts:
+            with tempfile.TemporaryDirectory() as folder:
+                rows += (of_part := list(rows_of[part](Path(folder))))
+            report(of_part)
+    if arguments.json is not None:
+        save_rows(rows, arguments.json)
 
 
 def _kill_rows(folder: Path, count: int, names: Sequence[str]) -> Iterator[Row]:
