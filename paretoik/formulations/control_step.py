@@ -103,9 +103,9 @@ class ControlStep(Formulation):
         check_size("sample", sample, 1)
         if sample >= len(whole.times):
             raise InvalidInput(f"sample must be at most {len(whole.times) - 1}, the path's last, got {sample}")
-        before = np.atleast_2d(finite_array("q", q))
+        before = np.atleast_2d(given := finite_array("q", q))
         if before.ndim != 2 or before.shape[1] != arm.dof or not len(before):
-            raise InvalidInput(f"q must have shape ({arm.dof},) or (rows, {arm.dof}), got {np.shape(q)}")
+            raise InvalidInput(f"q must have shape ({arm.dof},) or (rows, {arm.dof}), got {given.shape}")
         start = before[0] if home is None else finite_array("home", home, shape=(arm.dof,))
         for name, values in (("q", before), ("home", start)):
             check_magnitude(name, values, "rad or m")

@@ -36,7 +36,7 @@ class SqpOptions:
     largest_radius: float = 0.4  # too little to reach another branch unseen
     smallest_radius: float = 1e-10  # where no shorter step is tried
     tolerance: float = 1e-8  # of violations, as shares of ranges
-    penalty: float = 100.0  # of a violation of a whole range, first, in sizes of the objective
+    penalty: float = 10.0  # of a violation of a whole range, first, in sizes of the objective
     largest_penalty: float = 1e7  # where limits that are still violated are given up
     penalty_factor: float = 10.0
     recovery: float = 1e-2  # violation from which on a step that does not lower it by a tenth raises the penalty
@@ -46,6 +46,7 @@ class SqpOptions:
     corrections: int = 1  # to second order, of one step
     flattening: float = 1e-8  # of the Hessian's largest entry: least eigenvalue where the Hessian is indefinite
     step_tolerance: float = 1e-8  # of a step's optimality gap and infeasibility
+    last_tolerance: float = 1e-12  # of those of the last steps
     smallest_share: float = 1e-6  # of a flattened Hessian
     reduction_tolerance: float = 1e-15  # of the merit function: a predicted reduction that is rounding
     criticality_tolerance: float = 5e-7  # in sizes of the objective: first-order gain that rounding hides
@@ -74,12 +75,21 @@ class Solution:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Iterate:
-    """A point, F there, and the merit function's parts: the objective value and the largest violation."""
+    """A point, F there, and the merit function's parts: the objective value and the largest violations.
+
+    ``excess`` is that of the goal's bounds, in sizes of the objective, ``infeasibility`` that of all other constraints.
+    """
 
     x: Point
     objectives: Float[np.ndarray, " objectives"]
     value: float
-    violation: float
+    infeasibility: float
+    excess: float
+
+    @property
+    def violation(self) -> float:
+        """The largest violation; NaN if any is."""
+        return float(np.maximum(self.infeasibility, self.excess))
 
     def merit(self, penalty: float) -> float:
         """Return the merit function."""
@@ -124,7 +134,10 @@ def minimise(program: Program, x: Point, goal: Goal, options: SqpOptions = OPTIO
 
 
 class _Search:
-    """A search, its goal divided by its size: iterate, trust region, penalty, and the multipliers of the last step."""
+    """A search, its goal divided by its size: iterate, trust region, penalty, and the multipliers of the last step.
+
+    Bounds of the goal are divided by the size too: what their violation costs does not depend on the units of F.
+    """
 
     def __init__(self, program: Program, x: Point, goal: Goal, options: SqpOptions) -> None:
         finite = np.isfinite(goal.upper)
@@ -132,10 +145,13 @@ class _Search:
         self.at = program.linearise(x)
         value = float(np.abs(goal.weights * self.at.objectives).sum())
         self.size = max(value, float(np.linalg.norm(goal.weights @ self.at.gradients))) or 1.0
-        self.goal = Goal(weights=goal.weights / self.size, rows=goal.rows[finite], upper=goal.upper[finite])
+        self.goal = Goal(
+            weights=goal.weights / self.size, rows=goal.rows[finite] / self.size, upper=goal.upper[finite] / self.size
+        )
         self.iterate = self._evaluate(x)
         self.last: Step | None = None
         self.penalty, self.radius, self.share = options.penalty, options.radius, 1.0
+        self.tolerance = options.step_tolerance
         self.iterations, self.stationarity = 0, np.inf
         self.status: int | None = None
 
@@ -178,17 +194,26 @@ class _Search:
             iterations=self.iterations,
             objectives=self.iterate.objectives,
             multipliers=self.size * multipliers,
-            bound_multipliers=self.size * bound_multipliers,
+            bound_multipliers=bound_multipliers,
             stationarity=self.size * self.stationarity,
-            violation=self.iterate.violation,
+            violation=self._worst_violation(),
         )
+
+    def _worst_violation(self) -> float:
+        """Return the worst violation of all, that of bounds in units of F."""
+        return max(self.iterate.infeasibility, self.size * self.iterate.excess)
 
     def _evaluate(self, x: Point) -> _Iterate:
         objectives, equalities, inequalities = self.program.evaluate(x)
         bounds = self.goal.upper - self.goal.rows @ objectives
-        violations = np.concatenate([[0.0], np.abs(equalities), -inequalities, -bounds])
-        value = float(self.goal.weights @ objectives)
-        return _Iterate(x=x, objectives=objectives, value=value, violation=float(violations.max()))  # NaN where any is
+        violations = np.concatenate([[0.0], np.abs(equalities), -inequalities])
+        return _Iterate(
+            x=x,
+            objectives=objectives,
+            value=float(self.goal.weights @ objectives),
+            infeasibility=float(violations.max()),  # NaN if any is
+            excess=float(np.append(0.0, -bounds).max()),
+        )
 
     def _model(self) -> _Model:
         at = self.at
@@ -268,7 +293,7 @@ class _Search:
                 elastic=model.elastic,
                 radius=self.radius,
                 penalty=self.penalty,
-                tolerance=self.options.step_tolerance,
+                tolerance=self.tolerance,
             )
         except SolverFailed:
             return None
@@ -276,7 +301,10 @@ class _Search:
     def _end(self, model: _Model, *, settled: bool) -> None:
         """End the search, or let violations that are left cost more; ``settled`` where no reduction is predicted."""
         options = self.options
-        feasible = self.iterate.violation <= options.tolerance
+        if settled and self.tolerance > options.last_tolerance:
+            self.tolerance = options.last_tolerance
+            return
+        feasible = self._worst_violation() <= options.tolerance
         if not feasible and self.penalty < options.largest_penalty:
             self.penalty *= options.penalty_factor
             self.radius = max(options.radius, self.radius)

@@ -7,6 +7,7 @@ counts times the spline's distance from the path is left out.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -31,7 +32,7 @@ from paretoik.trajectory.compiled.curve_states import Curve
 
 def curve_arrays(task: MotionTask) -> Curve:
     """Return what projects the instants of a task; its registers are its own: one for a thread."""
-    arm, tasks, targets = task.arm, task.tasks, instant_targets(task)
+    arm, tasks, (targets, inputs) = task.arm, task.tasks, _targets(task)
     return Curve(
         projects=task.differences == "spline",
         errors=error_evaluator(arm, tasks).arrays,
@@ -40,13 +41,21 @@ def curve_arrays(task: MotionTask) -> Curve:
         slopes=_slopes(arm, tasks).arrays,
         turns=_turns(arm, tasks).arrays,
         twists=_twists(arm, tasks).arrays,
-        targets=np.ascontiguousarray(targets[0]),
-        inputs=np.concatenate([np.zeros((3 * arm.dof, len(targets[0]))), *(part.T for part in targets)]),
+        targets=targets,
+        inputs=inputs,
         row_scales=row_scales(arm, tasks),
         scales=joint_scales(arm),
         retraction=(OPTIONS.tolerance, OPTIONS.max_step, OPTIONS.max_iterations),
         on_path=ON_PATH_TOLERANCE,
     )
+
+
+@lru_cache(maxsize=32)
+def _targets(task: MotionTask) -> tuple[np.ndarray, np.ndarray]:
+    """Return the targets (instants, numbers), and these with their derivatives below room for q, q̇ and q̈."""
+    parts = instant_targets(task)
+    room = np.zeros((3 * task.arm.dof, len(task.instants)))
+    return np.ascontiguousarray(parts[0]), np.concatenate([room, *(part.T for part in parts)])
 
 
 def instant_targets(task: MotionTask) -> tuple[np.ndarray, ...]:
