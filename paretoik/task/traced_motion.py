@@ -142,10 +142,10 @@ class TracedMotion:
 
     @cached_property
     def manipulability(self) -> TracedArray:
-        """As ``Motion.manipulability``."""
+        """As ``Motion.manipulability``, which has no kink: rounding below 0 is cut off there alone."""
         flat = self._by_sample(lambda q, *_: path_jacobian(self.arm, self.tasks, q) or self._tool_jacobian(q))
         jacobian = self._reshape(flat, -1, self.arm.dof)
-        measure: TracedArray = np.sqrt(np.maximum(np.linalg.det(jacobian @ jacobian.swapaxes(-1, -2)), 0.0))
+        measure: TracedArray = np.sqrt(np.linalg.det(jacobian @ jacobian.swapaxes(-1, -2)))
         return measure
 
     @cached_property

@@ -18,6 +18,19 @@ def objective_value(objective: Any, motion: MeasuredMotion) -> float:
     return form_value(objective.form, objective_function(objective)(motion), motion, maximise=objective.maximise)
 
 
+def stated_value(objective: Any, motion: MeasuredMotion, stated: float) -> float:
+    """Return an objective of a motion, in its own sign, as a table states it.
+
+    Integrals with kinks are stated of the spline before its projection onto the path. A user's integral may have kinks:
+    of both values, the nearer to the ``stated`` one counts.
+    """
+    name, value = _library_name(objective), objective_value(objective, motion)
+    if objective.form != "integral" or (name and name not in KINKED_INTEGRALS):
+        return value
+    of_spline = objective_value(objective, motion.spline)
+    return min((of_spline,) if name else (value, of_spline), key=lambda each: abs(each - stated))
+
+
 def objective_function(objective: Any) -> Callable[[Any], Any]:
     """Return the function of an objective: the definition below of the library's own, else the user's."""
     return DEFINITIONS.get(_library_name(objective), objective.function)
@@ -53,7 +66,7 @@ def objective_terms(objective: Any, motion: MeasuredMotion, factor: float, *, ow
     Integrals with kinks are those of the spline; users' are if ``own_kinks`` says that they have some.
     """
     name, count = _library_name(objective), motion.time.shape[1]
-    if objective.form == "integral" and (name in ABSOLUTE or (own_kinks and not name)):
+    if objective.form == "integral" and (name in KINKED_INTEGRALS or (own_kinks and not name)):
         motion = motion.spline
     instants, weights = np.arange(count), motion.weights if objective.form == "integral" else None
     if name in ABSOLUTE and factor > 0:
@@ -141,6 +154,8 @@ ABSOLUTE: dict[str, Callable[[MeasuredMotion], np.ndarray]] = {
     "peak_torque": lambda motion: motion.torque,
 }
 """Values (1, time, dof) whose absolute values are summed over joints, or whose largest absolute value counts."""
+
+KINKED_INTEGRALS = ("mechanical_energy", "joint_travel", "joint_limit_nearness", "velocity_limit_nearness")
 
 DEFINITIONS: dict[str, Callable[[MeasuredMotion], np.ndarray]] = {
     "kinetic_energy": _kinetic_energy,

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from paretoik.verification.arm_model import ArmModel
-from paretoik.verification.library_objectives import objective_value
+from paretoik.verification.library_objectives import objective_value, stated_value
 from paretoik.verification.measured_motion import MeasuredMotion
 from paretoik.verification.motion_limits import worst_of_clearance, worst_of_constraint, worst_of_limits
 from paretoik.verification.options import TOLERANCES
@@ -105,7 +105,7 @@ def check_objectives(
     for objective, entry, value in zip(objectives, run.objectives, values, strict=True):
         subject = f"objective {objective.name}"
         try:
-            expected = objective_value(objective, motion)
+            expected = stated_value(objective, motion, value)
         except Exception as fault:  # a user's function may raise anything
             yield leave_out(subject, f"its function fails here: {_line(fault)}", point=point)
             continue
@@ -119,10 +119,10 @@ def check_errors(
     run: RunContents, objectives: Any, motion: MeasuredMotion, finer: MeasuredMotion, row: int, *, promised: bool
 ) -> Iterator[Check]:
     """Check how far the values of one motion are off those of its curve, against the table and the promise."""
-    for objective, entry in zip(objectives, run.objectives, strict=True):
+    for objective, entry, stated_as in zip(objectives, run.objectives, run.values[row], strict=True):
         subject, column = f"error of {objective.name}", f"discretisation error of {objective.name}"
         try:
-            value, true = (objective_value(objective, each) for each in (motion, finer))
+            value, true = stated_value(objective, motion, stated_as), objective_value(objective, finer)
         except Exception:  # a user's function may raise anything: said of its value
             continue
         low, high = entry.get("range", (0.0, 0.0))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -67,7 +68,13 @@ def worst_of_clearance(task: Any, motion: MeasuredMotion) -> tuple[float, Worst]
 
 
 def worst_of_constraint(constraint: Any, motion: MeasuredMotion) -> tuple[float, Worst]:
-    """Return the excess of a user's own limit, as a share of its scale, and its place."""
+    """Return the excess of a user's own limit, as a share of its scale, and its place.
+
+    An integral may have kinks, and is limited on the spline then: the lesser excess of spline and curve counts.
+    """
+    if constraint.form == "integral" and motion.of_spline is not None:
+        both = motion.spline, replace(motion, of_spline=None)
+        return min((worst_of_constraint(constraint, each) for each in both), key=lambda each: each[0])
     values = np.asarray(constraint.function(motion), dtype=float)
     if constraint.form == "peak":
         excess = np.maximum(values - constraint.upper, constraint.lower - values).reshape(-1)

@@ -6,10 +6,13 @@ import re
 import subprocess
 import sys
 from contextlib import suppress
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import paretoik as pk
+from problems import tringali_2020
 from studies.benchmarks.reliability.verifier import changes
 from studies.benchmarks.reliability.verifier.editing import edit
 from studies.benchmarks.reliability.verifier.faults import FAULTS
@@ -167,3 +170,36 @@ def read_to_end(descriptor: int) -> str:
             content += block
     os.close(descriptor)
     return content.decode()
+
+
+@pk.objective(unit="rad", form="integral")
+def turning(motion):
+    return np.abs(motion.dq[..., 0])
+
+
+@pk.constraint(unit="N m s", form="integral", upper=10.0)
+def pushing(motion):
+    return np.maximum(motion.torque[..., 0], 0.0)
+
+
+def test_integrals_with_kinks_are_right_as_they_are_stated(tmp_path):
+    kinked = [pk.joint_travel, pk.mechanical_energy, pk.joint_limit_nearness, pk.velocity_limit_nearness, turning]
+    limits = pk.Limits(position=np.deg2rad([90.0, 120.0, 120.0]), velocity=6.0)
+    arm = replace(pk.arms.tringali_3r(), velocity_limits=np.full(3, 6.0))
+    problem = pk.Tracking(
+        arm,
+        tringali_2020.straight(15),
+        objectives=[*kinked, pk.manipulability],
+        constraints=[pushing],
+        limits=limits,
+        bases=1,
+    )
+    pk.solve(problem, population=8, generations=2, seed=1, out=tmp_path / "run", observe=False)
+    verified = pk.verify(tmp_path / "run", problem, observe=False)
+    assert [(each.subject, each.detail) for each in verified.failures] == []
+    motion = pk.load_front(tmp_path / "run", problem).motions[0]
+    for objective in kinked:
+        curve = objective.function(motion.instants)  # what is stated is not that of the curve
+        assert motion.instants.integral(curve) != pytest.approx(objective(motion), rel=1e-9)
+    of_curve = motion.instants.integral(pk.manipulability.function(motion.instants))
+    assert pk.manipulability(motion) == pytest.approx(of_curve, rel=1e-12)
