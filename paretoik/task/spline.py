@@ -46,9 +46,13 @@ class Spline:
 
     def at(self, t: Float[np.ndarray, "*#batch instants"]) -> tuple[Float[np.ndarray, "*batch instants columns"], ...]:
         """Return position, velocity, acceleration and jerk at increasing times within the motion."""
-        time, t = np.broadcast_arrays(self.time[..., :, None], t[..., None, :])
-        interval = np.clip(np.sum(time <= t, axis=-2) - 1, 0, time.shape[-2] - 2)
-        s = t[..., 0, :] - np.take_along_axis(time[..., 0], interval, axis=-1)
+        if self.time.ndim == t.ndim == 1:
+            before = np.searchsorted(self.time, t, side="right")
+        else:
+            before = np.sum(self.time[..., :, None] <= t[..., None, :], axis=-2)
+        interval = np.clip(before - 1, 0, self.time.shape[-1] - 2)
+        time = np.broadcast_to(self.time, (*interval.shape[:-1], self.time.shape[-1]))
+        s = t - np.take_along_axis(time, interval, axis=-1)
         shape = np.broadcast_shapes(self.position.shape[:-2], interval.shape[:-1])
         index = np.broadcast_to(interval, (*shape, interval.shape[-1]))[..., None]
         parts = self.position, self.velocity, self.acceleration, self.jerk
