@@ -322,3 +322,16 @@ def test_a_front_by_sqp_canonicalises_once_for_each_shape_of_program(monkeypatch
     front = pk.epsilon_front(problem, points=3, starts=2, solver="sqp")
     assert len(front) == 3
     assert len(shapes) == len(set(shapes)) <= 8
+
+
+def test_points_of_a_front_end_at_the_same_minima_by_both_solvers():
+    problem = tringali_2020.energy_torque()
+    searched = pk.solve(problem, population=24, generations=10, seed=1, observe=False)
+    chosen = searched[searched.ids[:6]]
+    ends = [pk.refine(chosen, solver=solver, observe=False) for solver in ("interior-point", "sqp")]
+    for front in ends:
+        assert set(front.certificates.status) == {"minimum"}
+    widths = np.ptp(ends[0].ranges, axis=1)
+    for end, other in (ends, ends[::-1]):
+        apart = np.abs(end.objectives[:, None] - other.objectives) / widths
+        assert apart.max(axis=2).min(axis=1).max() < 1e-6
