@@ -1,9 +1,15 @@
 """Sequential quadratic programming for any Program, kinks included.
 
-A step solves a convex subproblem: the exact Hessian of the Lagrangian, made positive semidefinite where it is not, the
-inequalities to first order, elastic at a penalty, within a trust region. The merit function is the objective plus the
-penalty times the largest violation. A step that gains less than the subproblem predicts, because of curvature, is
-corrected to second order. Source: Nocedal & Wright, Numerical Optimization, section 18.5; Fletcher 1982 for kinks.
+The program and its merit function, with the goal divided by its size:
+
+    minimise    weights · F(x)
+    subject to  h(x) = 0,  c(x) ≥ 0,  rows · F(x) ≤ upper
+    merit       weights · F + penalty · (largest violation)
+
+Each iteration solves the convex subproblem of ``nlp.subproblem`` about the iterate: the inequalities to first order,
+elastic at the penalty, within a trust region, and the exact Hessian of the Lagrangian, with its negative eigenvalues
+raised to nearly 0. If a step gains less than the subproblem predicts, a second-order correction is tried. Source:
+Nocedal & Wright, Numerical Optimization, section 18.5; Fletcher 1982 for kinks.
 """
 
 from __future__ import annotations
@@ -34,17 +40,17 @@ class SqpOptions:
     iterations: int = 150
     radius: float = 0.3  # of the first trust region
     largest_radius: float = 0.4  # too little to reach another branch unseen
-    smallest_radius: float = 1e-10  # where no shorter step is tried
+    smallest_radius: float = 1e-10  # the shortest step that is tried
     tolerance: float = 1e-8  # of violations, as shares of ranges
     penalty: float = 10.0  # of a violation of a whole range, first, in sizes of the objective
-    largest_penalty: float = 1e7  # where limits that are still violated are given up
+    largest_penalty: float = 1e7  # limits that are still violated at it are given up
     penalty_factor: float = 10.0
     recovery: float = 1e-2  # violation from which on a step that does not lower it by a tenth raises the penalty
     acceptance: float = 1e-4  # of the predicted reduction: what a step has to gain
     agreement: float = 0.75  # of the predicted reduction: a gain that needs no correction, and a larger trust region
     excess: float = 1.3  # times the predicted reduction: a gain that shows the Hessian to be too stiff
     corrections: int = 1  # to second order, of one step
-    flattening: float = 1e-8  # of the Hessian's largest entry: least eigenvalue where the Hessian is indefinite
+    flattening: float = 1e-8  # of the Hessian's largest entry: least eigenvalue, if the Hessian is indefinite
     step_tolerance: float = 1e-8  # of a step's optimality gap and infeasibility
     last_tolerance: float = 1e-12  # of those of the last steps
     smallest_share: float = 1e-6  # of a flattened Hessian
@@ -57,7 +63,7 @@ OPTIONS = SqpOptions()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Solution:
-    """The point where a search ended, and the multipliers of inequalities and of the goal's finite bounds.
+    """The last point of a search, and the multipliers of inequalities and of the goal's finite bounds.
 
     ``objectives`` are F there, ``stationarity`` the RMS length of the Lagrangian's gradient, ``violation`` the worst of
     all constraints as a share of its range, ``status`` a key of STATUSES.
@@ -110,7 +116,7 @@ class _Model:
 class _Attempt:
     """A step tried: where it leads, the gain in merit that was predicted and had, its length before any correction.
 
-    ``settled`` where nothing was tried, because the predicted gain was rounding.
+    It is ``settled`` if nothing was tried because the predicted gain was rounding.
     """
 
     step: Step
@@ -124,7 +130,7 @@ class _Attempt:
 def minimise(program: Program, x: Point, goal: Goal, options: SqpOptions = OPTIONS) -> Solution:
     """Return the local minimum of a goal that a point on, or near, the equalities leads to, or where a signal found it.
 
-    Where the program has no finite values or derivatives it ends at once; some programs raise EvaluationFailed then.
+    It ends at once if the program has no finite values or derivatives; some programs raise EvaluationFailed then.
     """
     with np.errstate(invalid="ignore"):  # what is not finite is looked for
         search = _Search(program, x, goal, options)
@@ -168,15 +174,18 @@ class _Search:
             self.status = NOT_FINITE
             return
         self.iterations += 1
+        # the step of the subproblem, in ever smaller trust regions
         model = self._model()
         attempt = self._accepted_step(model)
         if attempt is None or attempt.trial is None:
             self._end(model, settled=attempt is not None and attempt.settled)
             return
         before, self.iterate, self.last = self.iterate.violation, attempt.trial, attempt.step
+        # the penalty: 10 times higher if the violation is not a tenth less
         if self.iterate.violation > max(options.recovery, 0.9 * before) and self.penalty < options.largest_penalty:
             self.penalty *= options.penalty_factor
         self.at = self.program.linearise(self.iterate.x)
+        # the share of the Hessian, and the trust region, by gain over predicted gain
         if attempt.gain > options.excess * attempt.predicted:
             self.share = max(self.share / 4, options.smallest_share)
         elif attempt.gain < options.agreement * attempt.predicted:
@@ -185,7 +194,7 @@ class _Search:
             self.radius = min(2 * self.radius, options.largest_radius)
 
     def solution(self) -> Solution:
-        """Return where the search has ended."""
+        """Return the end of the search."""
         assert self.status is not None
         multipliers, bound_multipliers = self._split_multipliers()
         return Solution(
@@ -250,7 +259,7 @@ class _Search:
         return None
 
     def _attempt(self, model: _Model, step: Step) -> _Attempt:
-        """Return what a step, corrected where it gains too little, leads to; none where none is predicted."""
+        """Try a step, and its correction if it gains too little; nothing is tried if no gain is predicted."""
         options, d = self.options, step.step
         before, curvature = self.iterate.merit(self.penalty), model.hessian @ d
         linear = float(model.gradient @ d) + 0.5 * float(d @ curvature)

@@ -91,7 +91,7 @@ def retract(
     directions = directions.reshape(-1, *directions.shape[-2:])
     compiled_steps().newton(
         error_evaluator(arm, tasks).arrays,
-        np.require(targets, float, ["C", "W"]),  # one signature: a read-only array would be compiled for anew
+        np.require(targets, float, ["C", "W"]),  # one signature: a read-only array would be compiled for again
         np.ascontiguousarray(directions, dtype=float),
         row_scales(arm, tasks),
         (OPTIONS.tolerance, OPTIONS.max_step, OPTIONS.max_iterations),

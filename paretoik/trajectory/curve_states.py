@@ -1,4 +1,4 @@
-"""What projects the instants of a task's spline onto its path, as arrays for ``compiled.curve_states``.
+"""The projection of a spline's instants onto the path of its task, as arrays for ``compiled.curve_states``.
 
 Programs bound and minimise functions of the curve's state. Its first derivatives are exact; of the second ones, what
 counts times the spline's distance from the path is left out.
@@ -105,7 +105,7 @@ def _twists(arm: Arm, tasks: Sequence[Task]) -> Evaluator:
 def _trace_slopes(
     arm: Arm, tasks: Sequence[Task], count: int, sums: Callable[[list[Any], list[Any]], list[Any]]
 ) -> tuple[Tape, list[int]]:
-    """Return slopes by s of sums of J with so many factors, and of their first and second derivatives."""
+    """Return slopes by s of sums of J with ``count`` factors, and of their first and second derivatives."""
     tape, n = Tape(), arm.dof
     s, ds, dds = ([tape.input() for _ in range(n)] for _ in range(3))
     factors, first, second = ([tape.input() for _ in range(count)] for _ in range(3))

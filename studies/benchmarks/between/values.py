@@ -1,16 +1,15 @@
-"""Values of motions: what is stated, beside what the motion's curve has.
+"""Values of motions: the stated ones, and those of the motion's curve.
 
     python -m studies.benchmarks.between.values [--quick] [--cases N] [--seed N] [--json FILE]
 
 Random planar arms and the Panda on lines and circles, without limits on acceleration, start and end free. Each case has
-three objectives: an integral, a peak, and one of another kind in turn (a peak of torques, a travel, a mechanical
-energy). Small fronts are searched and 40 points of each
-refined. "true" is a value on a grid 200 times finer than the samples, whose velocities and accelerations are
-differences of the positions ``at(t)`` alone. "stated" is how far values of the refined points are off it, the largest
-share of the value; "before" the same of the values of the spline that is not yet projected, as paretoik 0.0 had them.
-"velocity" is how far ``motion.dq`` is off ``motion.state`` at samples, a share of its range. "gain" is by how much
-refinement lowers true values of the search's own points: the least of the objectives' gains, in the ranges of the
-front; a point that is worse on the curve has one below 0. Losses are printed first.
+three objectives: an integral, a peak, and a third: a peak of torques, a travel or a mechanical energy. Small fronts are
+searched and 40 points of each refined. "true" is a value on a grid 200 times finer than the samples, whose velocities
+and accelerations are differences of the positions ``at(t)`` alone. "stated" is how far values of the refined points are
+off it, the largest share of the value; "before" the same of the values of the spline that is not yet projected, as
+paretoik 0.0 had them. "velocity" is how far ``motion.dq`` is off ``motion.state`` at samples, a share of its range.
+"gain" is by how much refinement lowers true values of the search's own points: the least of the objectives' gains, in
+the ranges of the front; a point that is worse on the curve has one below 0. Losses are printed first.
 """
 
 from __future__ import annotations
@@ -40,7 +39,7 @@ OTHERS = (pk.peak_torque, pk.joint_travel, pk.mechanical_energy)
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """What a case printed: errors in % of values, the disagreement of velocities, the least gain, and the statuses."""
+    """A case: errors in % of values, the disagreement of velocities, the least gain, and the statuses."""
 
     name: str
     stated: float
