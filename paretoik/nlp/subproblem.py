@@ -191,6 +191,7 @@ def solve_with_cvxpy(
     statement.parameters.assign(_numbers(gradient, hessian, constraints, radius, penalty, scales))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # cvxpy reads its own sparse parameters as dense ones
+        warnings.filterwarnings("ignore", "Solution may be inaccurate")  # Clarabel stopped short of the tolerance
         tolerances = dict.fromkeys(("tol_gap_abs", "tol_gap_rel", "tol_feas"), tolerance)
         statement.problem.solve(solver="CLARABEL", **tolerances)
     if statement.d.value is None:
