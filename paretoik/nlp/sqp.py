@@ -52,7 +52,7 @@ class SqpOptions:
     corrections: int = 1  # to second order, of one step
     flattening: float = 1e-8  # of the Hessian's largest entry: least eigenvalue, if the Hessian is indefinite
     step_tolerance: float = 1e-8  # of a step's optimality gap and infeasibility
-    last_tolerance: float = 1e-12  # of those of the last steps
+    last_tolerance: float = 1e-12  # the same, of the last steps
     smallest_share: float = 1e-6  # of a flattened Hessian
     reduction_tolerance: float = 1e-15  # of the merit function: a predicted reduction that is rounding
     criticality_tolerance: float = 5e-7  # in sizes of the objective: first-order gain that rounding hides
@@ -210,7 +210,7 @@ class _Search:
 
     def _worst_violation(self) -> float:
         """Return the worst violation of all, that of bounds in units of F."""
-        return max(self.iterate.infeasibility, self.size * self.iterate.excess)
+        return float(np.maximum(self.iterate.infeasibility, self.size * self.iterate.excess))  # NaN if any is
 
     def _evaluate(self, x: Point) -> _Iterate:
         objectives, equalities, inequalities = self.program.evaluate(x)

@@ -184,7 +184,7 @@ def solve_with_cvxpy(
 ) -> Step:
     """Return what ``solve_subproblem`` does, by cvxpy's own solve of the same statement.
 
-    Raises SolverFailed where there is no solution.
+    Raises SolverFailed if there is no solution.
     """
     statement = _state(Pattern.of(constraints), elastic, hessian)
     scales = np.ones(len(constraints.values))

@@ -1,4 +1,4 @@
-"""What positions of joints and of the tool are measured in, so that no number depends on the choice of units."""
+"""The scales of joint and tool positions: no number depends on the choice of units."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from paretoik.robot.arm import Arm
 def characteristic_length(arm: Arm) -> float:
     """Return the length [m] of an arm stretched out, from its first joint to its tool, slides at 0.
 
-    Where all of that is 0 it is the longest range of a slide, or 1 m where none is limited.
+    If all of that is 0, it is the longest range of a slide, or 1 m if none is limited.
     """
     offsets = [*arm.placements[1:], arm.tool]
     length = float(sum(np.linalg.norm(pose.position) for pose in offsets))

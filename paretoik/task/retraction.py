@@ -27,7 +27,7 @@ class RetractionOptions:
     tolerance: float = 1e-12  # of the arm's length, and rad: its last step squares the error
     max_iterations: int = 12
     max_step: float = 1.0  # rad or the arm's length, along any one direction
-    cache_size: int = 64  # evaluators in memory: one for every arm and set of frames and axes
+    cache_size: int = 64  # evaluators in memory: six for each geometry of an arm with its frames and axes
 
 
 OPTIONS = RetractionOptions()
@@ -173,6 +173,7 @@ def path_evaluator(
         _EVALUATORS[key] = compile_evaluator(*build())
         if len(_EVALUATORS) > OPTIONS.cache_size:
             _EVALUATORS.popitem(last=False)
+    _EVALUATORS.move_to_end(key)
     return _EVALUATORS[key]
 
 

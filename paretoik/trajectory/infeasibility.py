@@ -39,7 +39,7 @@ class InfeasibilityOptions:
     """When it is clear that limits cannot all hold."""
 
     doubt: float = 1e-3  # share of a range: a smaller violation is left to the search
-    clear: float = 0.1  # share of a range: a violation of rates and torques that no finer level mends
+    clear: float = 0.1  # share of a range: a violation of rates and torques that no finer level or posture mends
     starts: int = 24  # roll-outs, and as many motions that travel along the self-motion
     finer: int = 8  # least-violating motions that are led on at a finer level, and as many new starts
     halvings: int = 6  # of the interval in which the least violation of all limits is sought
@@ -318,23 +318,23 @@ def _speed_violation(task: MotionTask, sample: int, q: np.ndarray) -> np.ndarray
     """Return by how much postures (postures,) exceed velocity limits at least, as shares of their ranges.
 
     The tool moves at ẋ = J q̇ on the curve of a spline, whatever the self-motion. With |q̇ᵢ| ≤ f sᵢ, sᵢ the limits,
-    u·ẋ ≤ f Σᵢ |u·Jᵢ| sᵢ for every unit vector u. 0 for other differences, whose velocities are those of chords.
+    u·ẋ ≤ f Σᵢ |u·Jᵢ| sᵢ for every unit vector u. The result is 0 if a joint has no limit, and for other differences,
+    whose velocities are those of chords.
     """
-    least = np.ones(len(q))
-    if "velocity" not in task.bounds or task.differences != "spline":
-        return least - 1
-    fastest = np.abs(task.bounds["velocity"]).max(axis=(0, 2))
+    fastest = np.abs(task.bounds.get("velocity", np.full((1, task.arm.dof, 2), np.inf))).max(axis=(0, 2))
+    if task.differences != "spline" or not np.isfinite(fastest).all():
+        return np.zeros(len(q))
     _, (velocity,), _ = target_rates(task.tasks, task.times[[sample]])
-    row = column = 0
     _, jacobian = task_errors(task.arm, task.tasks, q, task.targets[sample])
-    for one in task.tasks if np.isfinite(fastest).all() else ():
+    needed, row, column = np.ones(len(q)), 0, 0  # f, at least 1
+    for one in task.tasks:
         size = one.position_rows
         here, wanted = jacobian[:, row : row + size], velocity[column : column + size]
         for u in _directions(wanted, here):
             most = (np.abs(np.einsum("br,brd->bd", u, here)) * fastest).sum(axis=1)
-            least = np.maximum(least, u @ wanted / np.maximum(most, 1e-300))
+            needed = np.maximum(needed, u @ wanted / np.maximum(most, 1e-300))
         row, column = row + one.rows, column + one.target_size
-    return (least - 1) / 2
+    return (needed - 1) / 2
 
 
 def _at_sample(bounds: Bounds, sample: int) -> Float[np.ndarray, "dof 2"]:

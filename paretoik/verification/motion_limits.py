@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -72,16 +71,15 @@ def worst_of_constraint(constraint: Any, motion: MeasuredMotion) -> tuple[float,
 
     An integral may have kinks, and is limited on the spline then: the lesser excess of spline and curve counts.
     """
-    if constraint.form == "integral" and motion.of_spline is not None:
-        both = motion.spline, replace(motion, of_spline=None)
-        return min((worst_of_constraint(constraint, each) for each in both), key=lambda each: each[0])
-    values = np.asarray(constraint.function(motion), dtype=float)
     if constraint.form == "peak":
+        values = np.asarray(constraint.function(motion), dtype=float)
         excess = np.maximum(values - constraint.upper, constraint.lower - values).reshape(-1)
         instant = int(np.argmax(np.where(np.isnan(excess), np.inf, excess)))
         value, time = float(values.reshape(-1)[instant]), float(motion.time[0, instant])
     else:
-        value, time = form_value(constraint.form, values, motion, maximise=False), np.nan
+        motions = (motion, motion.spline) if constraint.form == "integral" else (motion,)
+        every = [form_value(constraint.form, constraint.function(each), each, maximise=False) for each in motions]
+        value, time = min(every, key=lambda each: max(each - constraint.upper, constraint.lower - each)), np.nan
     above = value - constraint.upper >= constraint.lower - value
     limit = float(constraint.upper if above else constraint.lower)
     excess_of_it = max(value - constraint.upper, constraint.lower - value) / float(constraint.scale)

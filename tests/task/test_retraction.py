@@ -200,5 +200,5 @@ def test_arms_of_one_geometry_share_an_evaluator_and_no_others_do():
     assert error_evaluator(replace(arm, name="another", velocity_limits=np.full(3, 2.0)), tasks) is first
     longer = arm.with_tool(Pose([0.1, 0.0, 0.0]))
     assert error_evaluator(longer, tasks) is not first
-    angled = (Task(line([0.2, 0.4], [0.9, 0.4], duration=2.0), axes="xy").resolve_axes(arm),)
-    assert error_evaluator(arm, angled) is first
+    elsewhere = (Task(line([0.2, 0.4], [0.9, 0.4], duration=2.0), axes="xy").resolve_axes(arm),)
+    assert error_evaluator(arm, elsewhere) is first
