@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from paretoik.arrays import JointPaths
 from paretoik.call_arguments import check_call
-from paretoik.errors import Infeasible, SolverFailed
+from paretoik.errors import EvaluationFailed, Infeasible, SolverFailed
 from paretoik.front.indicators import OPTIONS as INDICATORS
 from paretoik.front.provenance import ADDED_SAMPLES, confirmation
 from paretoik.nlp.minimise import check_solver, chosen_solver
@@ -26,7 +26,7 @@ from paretoik.pareto.warm_start import insert_best, minimise_from
 from paretoik.self_motion.branches import branch_labels
 from paretoik.stop_flag import Interrupted
 from paretoik.tables import columns, field_representation, fit_screen, html_representation
-from paretoik.task.evaluation import require_values
+from paretoik.task.evaluation import evaluate_motions
 from paretoik.task.limits import LIMIT_TOLERANCE
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
@@ -130,7 +130,8 @@ def find_optima(
 
     Raises InvalidInput where the objective or a limit has no derivative, or a kink and ``solver`` is "interior-point";
     OutOfReach or Infeasible where there is no motion; Infeasible with the least-violating motion where none keeps the
-    limits; SolverFailed where limits hold but no start converged, EvaluationFailed where no start had values.
+    limits; SolverFailed where limits hold but no start converged, EvaluationFailed if no start converged and a search
+    came to a motion without a value.
     """
     assert len(task.objectives) == 1, "one objective at a time is planned for"
     if solver != "auto":  # before any work
@@ -138,7 +139,7 @@ def find_optima(
     initial_solutions = _minimise_initial(task, initial, solver)
     try:
         solutions, levels, count = _search(task, starts, seed, initial, solver, observe, rollouts)
-    except (Infeasible, SolverFailed, Interrupted):
+    except (EvaluationFailed, Infeasible, SolverFailed, Interrupted):
         if not len(initial_solutions):
             raise
         solutions, levels, count = initial_solutions, (), len(initial_solutions)
@@ -323,11 +324,14 @@ def _optima(
     )
 
 
-def _failure(task: MotionTask, solutions: Solutions) -> Infeasible | SolverFailed:
-    """Return why no search ended well; raises EvaluationFailed where the functions have no value at any end."""
+def _failure(task: MotionTask, solutions: Solutions) -> EvaluationFailed | Infeasible | SolverFailed:
+    """Return why no search ended well: first of all a function without a value at one of the ends."""
     status, level = STATUSES[int(solutions.status[0])], task.subsample(solutions.x.shape[1])
-    if (solutions.status == NOT_FINITE).all():
-        require_values(level, level.motion(solutions.x))
+    _, _, causes = evaluate_motions(level, level.motion(solutions.x[solutions.status == NOT_FINITE]))
+    failed = [each for each in causes if each]
+    if failed:
+        searches = f"{len(failed)} of {len(solutions)} searches"
+        return EvaluationFailed(f"no start led to an optimum; {searches} ended at a motion at which {failed[0]}")
     if solutions.violation[0] <= OPTIONS.feasible:
         return SolverFailed(f"no start led to an optimum; the best ended with: {status}")
     return infeasible_error(task, level, solutions.x, status=status)
