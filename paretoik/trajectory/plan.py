@@ -327,8 +327,8 @@ def _optima(
 def _failure(task: MotionTask, solutions: Solutions) -> EvaluationFailed | Infeasible | SolverFailed:
     """Return why no search ended well: first of all a function without a value at one of the ends."""
     status, level = STATUSES[int(solutions.status[0])], task.subsample(solutions.x.shape[1])
-    _, _, causes = evaluate_motions(level, level.motion(solutions.x[solutions.status == NOT_FINITE]))
-    failed = [each for each in causes if each]
+    unfinished = solutions.x[solutions.status == NOT_FINITE]
+    failed = [each for each in evaluate_motions(level, level.motion(unfinished))[2] if each] if len(unfinished) else []
     if failed:
         searches = f"{len(failed)} of {len(solutions)} searches"
         return EvaluationFailed(f"no start led to an optimum; {searches} ended at a motion at which {failed[0]}")
