@@ -16,7 +16,7 @@ from paretoik.inputs import check_flag, finite_array, real_array
 from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arm import Arm
 from paretoik.robot.scales import joint_scales
-from paretoik.tables import fit_screen, html_representation
+from paretoik.tables import columns, fit_screen, html_representation
 from paretoik.task.curves import CLOSURE_TOLERANCE
 from paretoik.task.differences import (
     Differences,
@@ -32,7 +32,6 @@ from paretoik.task.motion_arguments import check_settings, checked_samples
 from paretoik.task.obstacles import Obstacle
 from paretoik.task.retraction import ON_PATH_TOLERANCE, retract_nearest, task_errors
 from paretoik.task.spline import Derivatives, Spline, evaluate_with_midpoints, fit_spline
-from paretoik.task.summary import motion_text
 from paretoik.task.task import Task
 
 
@@ -348,3 +347,20 @@ class Motion:
     def _tool_pose(self) -> tuple[np.ndarray, np.ndarray]:
         rotation, position = kinematics.forward_kinematics(self.arm, self.q)
         return read_only(rotation), read_only(position)
+
+
+def motion_text(motion: Motion) -> str:
+    """Return how many motions of how many samples there are, and the range of every joint."""
+    batch, samples = motion.q.shape[:-2], motion.q.shape[-2]
+    count = "one motion" if not batch else f"motions {' × '.join(map(str, batch))}"
+    shortest, longest = np.min(motion.duration, initial=np.inf), np.max(motion.duration, initial=0.0)
+    lasts = f"{longest:.4g} s" if shortest >= longest else f"{shortest:.4g} to {longest:.4g} s"
+    lines = [f"Motion of {motion.arm.name}: {count}, {samples} samples, {lasts}"]
+    if motion.q.size:
+        rows = [["joint", "unit", "least position", "greatest", "fastest per s"]]
+        low, high, speed = (each.reshape(-1, motion.arm.dof) for each in (motion.q, motion.q, np.abs(motion.dq)))
+        for i, (name, kind) in enumerate(zip(motion.arm.joint_names, motion.arm.joint_types, strict=True)):
+            numbers = (low[:, i].min(), high[:, i].max(), speed[:, i].max())
+            rows.append([name, "m" if kind == "prismatic" else "rad", *(f"{number:.4g}" for number in numbers)])
+        lines.append(columns(rows))
+    return "\n".join([*lines, "has .time .q .dq .ddq .torque .power .tool, .at(t) between samples"])

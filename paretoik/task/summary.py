@@ -1,34 +1,14 @@
-"""Motions and motion problems in a few lines of text: names, units, sizes, and what to do next."""
+"""A motion problem in a few lines of text."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from paretoik.tables import columns
 
 if TYPE_CHECKING:  # they write themselves with this
-    from paretoik.task.motion import Motion
     from paretoik.task.motion_task import MotionTask
-
-
-def motion_text(motion: Motion) -> str:
-    """Return how many motions of how many samples there are, and the range of every joint."""
-    batch, samples = motion.q.shape[:-2], motion.q.shape[-2]
-    count = "one motion" if not batch else f"motions {' × '.join(map(str, batch))}"
-    shortest, longest = np.min(motion.duration, initial=np.inf), np.max(motion.duration, initial=0.0)
-    lasts = f"{longest:.4g} s" if shortest >= longest else f"{shortest:.4g} to {longest:.4g} s"
-    lines = [f"Motion of {motion.arm.name}: {count}, {samples} samples, {lasts}"]
-    if motion.q.size:
-        rows = [["joint", "unit", "least position", "greatest", "fastest per s"]]
-        low, high, speed = (each.reshape(-1, motion.arm.dof) for each in (motion.q, motion.q, np.abs(motion.dq)))
-        for i, (name, kind) in enumerate(zip(motion.arm.joint_names, motion.arm.joint_types, strict=True)):
-            numbers = (low[:, i].min(), high[:, i].max(), speed[:, i].max())
-            rows.append([name, "m" if kind == "prismatic" else "rad", *(f"{number:.4g}" for number in numbers)])
-        lines.append(columns(rows))
-    return "\n".join([*lines, "has .time .q .dq .ddq .torque .power .tool, .at(t) between samples"])
 
 
 def task_text(task: MotionTask) -> str:
