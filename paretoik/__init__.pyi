@@ -4,8 +4,8 @@ from .api.compare import compare as compare
 from .api.directional_maxima import directional_maxima as directional_maxima
 from .api.epsilon_front import epsilon_front as epsilon_front
 from .api.export import export as export
-from .api.load_front import load_front as load_front
-from .api.load_plan import load_plan as load_plan
+from .api.load import load_front as load_front
+from .api.load import load_plan as load_plan
 from .api.plan import plan as plan
 from .api.refine import refine as refine
 from .api.report import report as report
@@ -28,7 +28,6 @@ from .formulations.posture import Posture as Posture
 from .formulations.time_optimal import TimeOptimalControl as TimeOptimalControl
 from .formulations.tracking import Tracking as Tracking
 from .formulations.tuning import Tuning as Tuning
-from .front.compromise import Compromise as Compromise
 from .front.front import Choice as Choice
 from .front.front import Front as Front
 from .front.front import Preference as Preference
@@ -39,6 +38,7 @@ from .front.preferences import Knee as Knee
 from .front.preferences import Lexicographic as Lexicographic
 from .front.preferences import Robust as Robust
 from .front.preferences import Weights as Weights
+from .front.preferences.compromise import Compromise as Compromise
 from .joint_trajectory import controllers as controllers
 from .resolution import measures as measures
 from .resolution import methods as methods
@@ -68,10 +68,10 @@ from .task.objectives import peak_velocity as peak_velocity
 from .task.objectives import torque_norm as torque_norm
 from .task.objectives import velocity_limit_nearness as velocity_limit_nearness
 from .task.path import Path as Path
-from .task.path_shapes import circle as circle
-from .task.path_shapes import line as line
-from .task.path_shapes import poses as poses
-from .task.path_shapes import waypoints as waypoints
+from .task.path import circle as circle
+from .task.path import line as line
+from .task.path import poses as poses
+from .task.path import waypoints as waypoints
 from .task.task import Task as Task
 from .trajectory.plan import Plan as Plan
 

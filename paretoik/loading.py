@@ -13,10 +13,8 @@ from types import ModuleType
 from typing import Any, TypeGuard
 
 from paretoik.errors import InvalidInput, ParetoikError
-from paretoik.inputs import is_integer, likely_spelling, listed, shown
-from paretoik.missing_files import missing_file
-from paretoik.shell_command import shell_command
-from paretoik.user_functions import attribute_of, cause_of, is_ctrl_c, limited_call
+from paretoik.inputs import attribute_of, cause_of, is_ctrl_c, is_integer, likely_spelling, limited_call, listed, shown
+from paretoik.paths import missing_file, shell_command
 
 LONGEST = 200  # characters of a reference that is shown whole
 

@@ -14,10 +14,10 @@ import cloudpickle
 from rich.console import Console
 from rich.progress import track
 
-from paretoik.distribution import Done, Executor, Raised, Reply
 from paretoik.errors import InvalidInput
-from paretoik.execution.executor import check_workers
-from paretoik.execution.worker_processes import WorkerProcesses
+from paretoik.runs.distribution import Done, Executor, Raised, Reply
+from paretoik.runs.executor import check_workers
+from paretoik.runs.processes import WorkerProcesses
 from studies.reporting import tell
 
 Key = TypeVar("Key", bound=tuple[str, ...])
@@ -48,8 +48,8 @@ def workers_of(cluster: str | None) -> Iterator[Executor | None]:
     if cluster is None:
         yield None
         return
-    from paretoik.execution.cluster import Cluster  # here: it takes Dask
-    from paretoik.execution.cluster_options import OPTIONS
+    from paretoik.runs.cluster import Cluster  # here: it takes Dask
+    from paretoik.runs.cluster_scheduler import OPTIONS
 
     try:
         check_workers(None, cluster)

@@ -11,20 +11,20 @@ import hypothesis
 import jaxtyping
 import pytest
 
-import paretoik.capability.compiled.actuators
-import paretoik.capability.compiled.planar_maxima
+import paretoik.capability.actuator_kernels
+import paretoik.capability.planar_maxima
 import paretoik.closed_loop.engine
 import paretoik.closed_loop.exact_step
 import paretoik.closed_loop.open_loop_engine
-import paretoik.nlp.compiled.continuation
-import paretoik.nlp.compiled.dense_kernel
-import paretoik.nlp.compiled.interior_point  # before the hook: numba compiles functions, not wrappers
-import paretoik.nlp.compiled.prediction
+import paretoik.nlp.banded.interior_point  # before the hook: numba compiles functions, not wrappers
+import paretoik.nlp.dense.dense_kernel
+import paretoik.nlp.parametric_qp.correction
+import paretoik.nlp.parametric_qp.prediction
 import paretoik.resolution.horizon_newton
 import paretoik.resolution.kernels
 import paretoik.robot.components  # before the hook: sums and products, millions of them, without shapes
-import paretoik.task.compiled
-import paretoik.trajectory.compiled.motion_kernel  # noqa: F401  before the hook, as all that is compiled
+import paretoik.task.retraction_kernel
+import paretoik.trajectory.motion_kernel  # noqa: F401  before the hook, as all that is compiled
 import tests.shape_checks
 
 # In production nobody looks at annotations; in tests calls and fields are held against them.

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import pytest
 
 import paretoik as pk
-from paretoik.call_arguments import check_call
+from paretoik.inputs import check_call
 from studies.benchmarks.reliability.inputs.messages import message_faults
 from studies.benchmarks.reliability.inputs.surfaces import members
 

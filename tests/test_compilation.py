@@ -11,14 +11,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from paretoik import compilation
-from paretoik.compilation import c_function, carray, compiled
+from paretoik.compilation.numba_cache import c_function, carray, compiled
+from paretoik.compilation.numba_cache import numba_cache as compilation
 from paretoik.compilation_notices import CompilationNotice, announce, observe_compilation, print_line
 
 ROOT = Path(__file__).parents[1]
 
 KERNELS = """
-from paretoik.compilation import compiled
+from paretoik.compilation.numba_cache import compiled
 
 @compiled
 def inner(x, flag):
@@ -134,7 +134,7 @@ def test_what_is_compiled_is_announced_once_on_a_machine(tmp_path):
 
 PAIRED = """
 from {module} import Pair
-from paretoik.compilation import compiled
+from paretoik.compilation.numba_cache import compiled
 
 @compiled(what="the sum of a pair", seconds=7.0)
 def total(pair):

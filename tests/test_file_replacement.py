@@ -12,14 +12,14 @@ from pathlib import Path
 import pytest
 
 from paretoik.errors import InvalidInput
-from paretoik.file_replacement import SAVED, only_writer, replace_file, replace_files, without_writers
+from paretoik.runs.file_replacement import SAVED, only_writer, replace_file, replace_files, without_writers
 
 OLD = {"a": b"old", "b": b"old"}
 NEW = {"a": b"new and longer", "b": b"new", "c": b"new"}
 WRITER = """
 import os, signal, sys
 from pathlib import Path
-from paretoik.file_replacement import only_writer, replace_files
+from paretoik.runs.file_replacement import only_writer, replace_files
 
 folder, last = Path(sys.argv[1]), int(sys.argv[2])
 events = 0

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
 from paretoik.errors import InvalidInput, InvalidRun
-from paretoik.journal import (
+from paretoik.runs.journal import (
     HEAD,
     MARK,
     Journal,
@@ -148,14 +148,14 @@ def test_a_sparse_file_of_gigabytes_is_refused_at_once(file, monkeypatch):
     with file.open("ab") as sink:
         sink.write(HEAD.pack(MARK, 15 * 10**9, bytes(32)))
         sink.truncate(15 * 10**9)
-    monkeypatch.setattr("paretoik.journal.OPTIONS", JournalOptions(largest=2**24))
+    monkeypatch.setattr("paretoik.runs.journal.OPTIONS", JournalOptions(largest=2**24))
     with pytest.raises(InvalidRun, match=r"wanted the journal of a run, got 1\d{10} bytes at byte \d+"):
         Journal(file)
     assert file.stat().st_size == 15 * 10**9  # nothing of it is cut off
 
 
 def test_what_is_larger_than_a_frame_is_not_kept(tmp_path, monkeypatch):
-    monkeypatch.setattr("paretoik.journal.OPTIONS", JournalOptions(largest=1000))
+    monkeypatch.setattr("paretoik.runs.journal.OPTIONS", JournalOptions(largest=1000))
     journal = Journal(tmp_path / "journal")
     journal.append(key_of("large"), {"x": np.zeros(1000)})
     journal.append(key_of("small"), {"x": np.zeros(10)})

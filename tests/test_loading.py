@@ -9,8 +9,8 @@ from pymoo.problems.multi.zdt import ZDT1
 
 import paretoik as pk
 from paretoik.errors import Infeasible, InvalidInput
-from paretoik.fingerprint.fingerprint import fingerprint
 from paretoik.loading import load_problem, problems_in, unannotated_in
+from paretoik.runs.fingerprint import fingerprint
 from tests.api.problems import PATH, tracking
 
 ROOT = Path(__file__).parents[1]

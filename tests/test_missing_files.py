@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from paretoik.missing_files import OPTIONS, missing_file
+from paretoik.paths import OPTIONS, missing_file
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from paretoik.errors import InvalidInput, InvalidRun
-from paretoik.run_files import (
+from paretoik.runs.files import (
     CHOICES,
     PAGE_MARK,
     PICTURE_MARK,

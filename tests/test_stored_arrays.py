@@ -10,7 +10,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from paretoik.stored_arrays import OPTIONS, read_arrays, read_table
+from paretoik.runs.files import ARRAY_OPTIONS as OPTIONS
+from paretoik.runs.files import read_arrays, read_table
 
 
 def archive(entries, compression=zipfile.ZIP_STORED):

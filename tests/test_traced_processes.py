@@ -18,7 +18,7 @@ from pathlib import Path
 import pytest
 
 import paretoik
-from paretoik.run_files import RUN, run_bytes
+from paretoik.runs.files import RUN, run_bytes
 from studies.benchmarks.scaling.local_cluster import local_cluster
 from tests.cli.commands import MINE, SMALL
 from tests.cli.test_closed_loops import MINE as LOOPS

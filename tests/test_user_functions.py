@@ -11,8 +11,8 @@ import pytest
 
 import paretoik as pk
 from paretoik.errors import EvaluationFailed, InvalidInput
+from paretoik.inputs import user_function, warn_of_odd_objectives
 from paretoik.stop_flag import Interrupted
-from paretoik.user_functions import user_function, warn_of_odd_objectives
 
 
 class SpeechlessError(Exception):

@@ -6,12 +6,11 @@ from collections.abc import Sequence, Set
 from dataclasses import replace
 from pathlib import Path
 
-from paretoik.call_arguments import check_call
-from paretoik.execution.computation import computed_text
 from paretoik.front.comparison import Comparison
 from paretoik.front.front import Front
-from paretoik.front.subset import attach
-from paretoik.inputs import file_path, read_list
+from paretoik.front.points import attach
+from paretoik.inputs import check_call, file_path, read_list
+from paretoik.runs.executor import computed_text
 
 
 @check_call

@@ -2,18 +2,78 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
-from paretoik.api.polygon_run import polygon_counts, polygon_subject, save_polygon
+import numpy as np
+
 from paretoik.api.progress import Observer
-from paretoik.api.review_polygon import review_polygon, start_recording
-from paretoik.api.run_session import run_session
-from paretoik.call_arguments import check_call
+from paretoik.api.session import RunSession, Subject, run_session
 from paretoik.capability.actuation import Actuation
-from paretoik.capability.directional import PerformancePolygon, directional_query, performance_polygon
+from paretoik.capability.directional import DirectionalQuery, PerformancePolygon, directional_query, performance_polygon
 from paretoik.capability.joint_capability import Quantity
-from paretoik.inputs import check_flag
+from paretoik.front.storage import array_bytes
+from paretoik.inputs import check_call, check_flag
+from paretoik.review.recording.messages import MaximaScene, maxima_end, workcell_of
 from paretoik.robot.arm import Arm
+from paretoik.runs.files import DRAWING, POLYGON, write_result
+from paretoik.runs.fingerprint import fingerprint
+
+# The run of a polygon of directional maxima: what is asked for, and what is kept of it.
+
+
+HOLDS = f"directional maxima, their arrays in {POLYGON}"
+ARRAYS = ("position", "directions", "values", "q", "dq", "torque", "motor_speeds", "motor_efforts", "sliders")
+
+
+def polygon_subject(query: DirectionalQuery) -> Subject:
+    """Return what is asked for as the subject of a run."""
+    return Subject(title=f"directional maxima of {query.arm.name}", fingerprint=fingerprint(query))
+
+
+def polygon_counts(polygon: PerformancePolygon, seconds: float) -> dict[str, Any]:
+    """Return how many directions there are, and of how many a maximum was found."""
+    maxima = int(np.isfinite(polygon.values).sum())
+    return {"directions": len(polygon), "found": maxima, "seconds": round(seconds, 3)}
+
+
+def save_polygon(polygon: PerformancePolygon, provenance: dict[str, Any], folder: Path) -> None:
+    """Write a polygon into a folder, all of its files at once or none.
+
+    In `polygon.npz` are joint_names (dof,) and the arrays of the polygon by name.
+    """
+    arrays = {name: getattr(polygon, name) for name in ARRAYS}
+    content = array_bytes(
+        {"joint_names": np.array(polygon.arm.joint_names, dtype=np.str_)}
+        | {name: np.asarray(values) for name, values in arrays.items() if values is not None}
+    )
+    unit = "m/s" if polygon.quantity == "velocity" else "N"
+    write_result(folder, {**provenance, "holds": HOLDS, "unit": unit}, {POLYGON: content})
+
+
+# What the folder of directional maxima shows: a recording, and a picture.
+
+
+def start_recording(query: DirectionalQuery, session: RunSession) -> None:
+    """Start the recording of what is asked for."""
+    cell = workcell_of(query)
+    assert cell is not None
+    alone = replace(cell, directions=np.zeros((0, 3)))  # one after the other
+    session.start_recording(MaximaScene(workcell=alone, quantity=query.quantity))
+
+
+def review_polygon(polygon: PerformancePolygon, provenance: Mapping[str, Any], session: RunSession) -> None:
+    """Complete the recording, and, unless a signal came, draw the polygon."""
+    if session.folder is None:
+        return
+    session.finish_recording(maxima_end(polygon, provenance))
+    if session.signal is not None:
+        return
+    from paretoik.review.pictures.motions import polygon_picture  # here: matplotlib takes its time
+
+    polygon_picture(polygon, session.folder / DRAWING)
 
 
 @check_call

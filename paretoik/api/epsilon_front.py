@@ -8,30 +8,140 @@ from typing import Any
 
 import numpy as np
 
-from paretoik.api.certificate_time import LaterStages
-from paretoik.api.certified_front import certified_front
+from paretoik.api.certified_front import LaterStages, LaterTime, certified_front, phase_text
 from paretoik.api.initial import initial_points, remembered_points
-from paretoik.api.least_violating import infeasible_recorded
-from paretoik.api.progress import Observer
+from paretoik.api.progress import Observer, RunProgress, count_observer
 from paretoik.api.refine import resolve_front
-from paretoik.api.review_front import review_front
-from paretoik.api.run_session import RunSession, Subject, run_session
-from paretoik.api.sweep_display import SweepDisplay
-from paretoik.api.verb_session import computing
+from paretoik.api.result import infeasible_recorded
+from paretoik.api.session import RunSession, Subject, computing, review_front, run_session
 from paretoik.arrays import Genes, Points
-from paretoik.call_arguments import check_call
+from paretoik.compilation_notices import computing_clock
 from paretoik.errors import InvalidInput
-from paretoik.execution.executor import check_workers
-from paretoik.execution.time_limit import check_time_limit
-from paretoik.formulations.protocol import Differentiable
-from paretoik.formulations.requirements import require_program
+from paretoik.formulations.protocol import Differentiable, require_program
 from paretoik.front.front import Front
-from paretoik.inputs import check_count, check_flag, check_seed, check_size
+from paretoik.front.indicators import HypervolumeCurve
+from paretoik.front.preferences.compromise import marked_rows
+from paretoik.inputs import check_call, check_count, check_flag, check_seed, check_size
 from paretoik.nlp.minimise import check_solver
 from paretoik.nlp.program import Solver
 from paretoik.pareto.epsilon import epsilon_points
-from paretoik.review.recording.workcell import workcell_of
+from paretoik.pareto.sweep import SweepProgress
+from paretoik.review.recording.messages import LeastViolating, RecordedPoint, record_motion, workcell_of
+from paretoik.review.recording.recorder import Generation, SearchEnd
+from paretoik.runs.executor import check_workers
+from paretoik.runs.interruption import check_time_limit
 from paretoik.task.motion import Motion
+
+# What observers and the recording see of an ε-sweep: its points as they come, and each level of ε.
+
+
+class SweepDisplay:
+    """Shows a session each step of a sweep.
+
+    levels: number of steps under other bounds than the one before
+    later: time of later stages, measured for an observer
+    """
+
+    def __init__(self, session: RunSession, formulation: Differentiable, solver: Solver) -> None:
+        self.levels, self.later = 0, LaterTime(formulation=formulation, solver=solver)
+        self._session, self._formulation = session, formulation
+        self._signs = np.where(formulation.maximised, -1.0, 1.0)
+        self._hypervolume = HypervolumeCurve()
+        self._steps = self._points = 0
+        self._level = b""
+        self._started: float | None = None  # of the sweep
+        self._show_optima = count_observer(session.observe, "optimum")
+
+    def show_optima(self, done: int, total: int, summary: str = "") -> None:
+        """Show the search for each objective's own optima; later ones, below an ε, are part of the sweep."""
+        if self._show_optima is not None and self._started is None:
+            self._show_optima(done, total, summary)
+
+    def show_step(self, progress: SweepProgress) -> None:
+        """Show a step in the user's own sign."""
+        if self._started is None:
+            self._started = computing_clock()
+        level = b"" if progress.epsilon is None else progress.epsilon.tobytes()
+        is_level = level not in (b"", self._level)
+        if is_level:
+            self.levels += 1
+            self._level = level
+        is_news, self._points = is_level or len(progress.x) > self._points, len(progress.x)
+        if self._session.is_watched:
+            self._show(progress, is_news=is_news)
+
+    def finish(self, front: Front) -> None:
+        """Record the front that the sweep led to, under no bound any more."""
+        if self._session.recorder is not None:
+            generation = Generation(
+                number=self._steps,
+                population=front.objectives,
+                front=front.objectives,
+                front_ids=front.ids,
+                hypervolume=self._hypervolume.measure(front.minimised, self._steps),
+            )
+            self._session.recorder.record(generation)
+
+    def infeasible_end(self, nearest: LeastViolating) -> SearchEnd:
+        """Return the end of a sweep without a feasible motion, after a level that has the least-violating one."""
+        if self._session.recorder is not None and nearest.point is not None:
+            n_obj = len(self._signs)
+            generation = Generation(
+                number=self._steps,
+                population=nearest.point.objectives[None],
+                front=np.empty((0, n_obj)),
+                front_ids=np.empty(0, dtype=int),
+                least_violating=nearest,
+            )
+            self._session.recorder.record(generation)
+        return SearchEnd(front=None, least_violating=nearest)
+
+    def _marked(self, progress: SweepProgress) -> tuple[RecordedPoint, ...]:
+        """Return the best point of every objective and the compromise, with their motions."""
+        front = progress.objectives[progress.front]
+        marked = marked_rows(front, progress.front)
+        rows = [row for row, _ in marked]
+        motions = self._formulation.individuals(progress.x[progress.front[rows]]).motions
+        return tuple(
+            RecordedPoint(
+                id=int(progress.front[row]),
+                objectives=front[row] * self._signs,
+                axis=axis,
+                motion=None if motions is None else record_motion(motions[place], curves=False),
+            )
+            for place, (row, axis) in enumerate(marked)
+        )
+
+    def _show(self, progress: SweepProgress, *, is_news: bool) -> None:
+        assert self._started is not None
+        generation = None
+        if is_news:
+            front = progress.objectives[progress.front]
+            generation = Generation(
+                number=self._steps,
+                population=progress.objectives * self._signs,
+                front=front * self._signs,
+                front_ids=progress.front,
+                hypervolume=self._hypervolume.measure(front, self._steps),
+                points=self._marked(progress) if self._session.recorder is not None else (),
+                epsilon=None if progress.epsilon is None else progress.epsilon * self._signs,
+            )
+            self._steps += 1
+        seconds = computing_clock() - self._started
+        self._session.show(
+            RunProgress(
+                stage="point",
+                done=progress.done,
+                total=progress.total,
+                seconds=seconds,
+                remaining=self.later.sweep_left(progress, seconds) if self._session.is_observed else None,
+                summary=", ".join(
+                    filter(None, [self._hypervolume.summary(self._steps - 1), phase_text(progress.phase)])
+                ),
+                generation=generation,
+                following=LaterStages.of(self._formulation).text,
+            )
+        )
 
 
 @check_call

@@ -8,19 +8,14 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
 from paretoik.front.front import Choice
-from paretoik.inputs import check_flag, check_mapping, file_path, positive_number, shown
-from paretoik.joint_trajectory.controller import Controller
-from paretoik.joint_trajectory.controllers import find_controller
-from paretoik.joint_trajectory.fitting import fit_motion
-from paretoik.joint_trajectory.formats import Format, find_format, write_trajectory
-from paretoik.joint_trajectory.limit_check import LimitUse
-from paretoik.joint_trajectory.ros import check_bag
-from paretoik.joint_trajectory.time_scaling import time_scaling
-from paretoik.joint_trajectory.trajectory import JointTrajectory, same_joints, sample_motion
-from paretoik.run_files import check_target, to_json
+from paretoik.inputs import check_call, check_flag, check_mapping, file_path, positive_number, shown
+from paretoik.joint_trajectory.controllers import Controller, find_controller
+from paretoik.joint_trajectory.fitting import LimitUse, fit_motion
+from paretoik.joint_trajectory.formats import Format, check_bag, find_format, write_trajectory
+from paretoik.joint_trajectory.trajectory import JointTrajectory, same_joints, sample_motion, time_scaling
+from paretoik.runs.files import check_target, to_json
 from paretoik.task.motion import Motion
 
 MADE = ("made by", "arm", "controller", "controller rate", "rate", "time_scale", "ramp", "use of limits")

@@ -8,17 +8,16 @@ from typing import Any
 import numpy as np
 
 from paretoik.arrays import Genes, Points
-from paretoik.errors import InvalidInput
-from paretoik.fingerprint.fingerprint import fingerprint
+from paretoik.errors import InvalidInput, warn_user
 from paretoik.formulations.protocol import Differentiable, encode
 from paretoik.front.front import Front
 from paretoik.front.indicators import ranges_of
-from paretoik.journal import key_of, recalled, remembered
-from paretoik.pareto.warm_start import OPTIONS as WARM_STARTS
-from paretoik.pareto.warm_start import evaluate_points
-from paretoik.search.seeding import checked_genes
+from paretoik.pareto.scalarisation import WARM_OPTIONS as WARM_STARTS
+from paretoik.pareto.scalarisation import evaluate_points
+from paretoik.runs.fingerprint import fingerprint
+from paretoik.runs.journal import key_of, recalled, remembered
+from paretoik.search.genes import checked_genes
 from paretoik.task.motion import Motion
-from paretoik.user_warnings import warn_user
 
 
 def initial_genes(problem: Any, initial: Genes | Motion | Front | None, *, tolerance: float = 1e-6) -> Genes | None:

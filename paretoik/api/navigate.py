@@ -7,13 +7,13 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from paretoik.api.load_front import load_front
-from paretoik.api.verb_session import verb_session
-from paretoik.execution.run_folder import check_other_folder, claim_folder, lock_folder
+from paretoik.api.load import load_front
+from paretoik.api.session import verb_session
 from paretoik.front.front import Choice, Front
-from paretoik.front.provenance import NAVIGATIONS
+from paretoik.front.points import NAVIGATIONS
 from paretoik.inputs import file_path
-from paretoik.run_files import CERTIFICATES, PICTURE, RECORDING, RUN, STOPPED, can_resume, read_run
+from paretoik.runs.files import CERTIFICATES, PICTURE, RECORDING, RUN, STOPPED, can_resume, read_run
+from paretoik.runs.folder import check_other_folder, claim_folder, lock_folder
 
 
 def navigate(
@@ -53,7 +53,7 @@ def navigate(
         moved.save(place)
         _draw(moved, folder, place)
     if (folder / RECORDING).exists():
-        from paretoik.review.drawing.chosen_recording import show_choice_in_recording  # here: Rerun takes its time
+        from paretoik.review.drawing.choice_layer import show_choice_in_recording  # here: Rerun takes its time
 
         show_choice_in_recording(moved, moved=choice, source=folder / RECORDING)
     return moved, choice, place
@@ -92,10 +92,10 @@ def _beside(folder: Path, id: int) -> Path:
 def _draw(front: Front, folder: Path, place: Path) -> None:
     """Draw the pictures that the run had anew."""
     if (folder / PICTURE).exists():
-        from paretoik.review.pictures.plots import front_picture  # here: matplotlib takes its time
+        from paretoik.review.pictures.fronts import front_picture  # here: matplotlib takes its time
 
         front_picture(front, place / PICTURE, front.navigated)
     if (folder / CERTIFICATES).exists():
-        from paretoik.review.pictures.certificate_plots import certificates_picture
+        from paretoik.review.pictures.certificates import certificates_picture
 
         certificates_picture(front, place / CERTIFICATES)

@@ -10,14 +10,14 @@ from typing import Any, TypeVar
 import numpy as np
 
 from paretoik.api.progress import Observer
-from paretoik.api.run_session import RunSession, Subject, run_session
+from paretoik.api.session import RunSession, Subject, run_session
 from paretoik.capability.geodesic import FastestPath
 from paretoik.capability.path_runs import PathQuery
 from paretoik.capability.time_optimal import TimeOptimalRun
-from paretoik.fingerprint.fingerprint import fingerprint
 from paretoik.front.storage import array_bytes
-from paretoik.review.recording.recorded_path import PathEnd, PathScene
-from paretoik.run_files import DRAWING, TOOL_PATH, write_result
+from paretoik.review.recording.messages import PathEnd, PathScene
+from paretoik.runs.files import DRAWING, TOOL_PATH, write_result
+from paretoik.runs.fingerprint import fingerprint
 
 HOLDS = f"a tool path, its arrays in {TOOL_PATH}"
 Result = TypeVar("Result", FastestPath, TimeOptimalRun)
@@ -70,6 +70,6 @@ def _review(path: Result, query: PathQuery, provenance: dict[str, Any], session:
     tool, reference = (path.points, None) if isinstance(path, FastestPath) else (path.positions, path.references)
     end = PathEnd(times=path.times, tool=tool, reference=reference, target=query.target, provenance=provenance)
     session.finish_recording(end)
-    from paretoik.review.pictures.path_picture import path_picture  # here: matplotlib takes its time
+    from paretoik.review.pictures.motions import path_picture  # here: matplotlib takes its time
 
     path_picture(end, session.folder / DRAWING)

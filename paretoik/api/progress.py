@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from signal import SIGUSR1
 from typing import TypeAlias
 
-from paretoik.api.time_left import time_left
-from paretoik.compilation_notices import computing_clock, observe_compilation
-from paretoik.inputs import check_function
+from paretoik.compilation_notices import computing_clock, observe_compilation, print_line
+from paretoik.errors import InvalidInput
+from paretoik.inputs import attribute_of, check_function, user_function
 from paretoik.review.recording.recorder import Generation
+from paretoik.runs.interruption import time_left
+from paretoik.stop_flag import STOP
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -90,3 +95,145 @@ def show_compilation(observe: Observer | None) -> Iterator[None]:
 
     with observe_compilation(lambda notice: observe(RunProgress(stage="compilation", summary=str(notice)))):
         yield
+
+
+# Progress on stderr: a bar on a terminal, else a line now and then for those who ask.
+
+
+@contextmanager
+def open_observer(observe: Observer | bool | None, *, time_limit: float | None = None) -> Iterator[Observer | None]:
+    """Yield the observer of a verb, which also learns what is compiled.
+
+    That is ``observe`` itself; for None a bar where stderr is a terminal, else a line a minute, from the first on; for
+    True that bar, or else lines at once; for False none. An observer that raises asks the verb to stop, as a signal
+    does, so that what was found by then is kept; at the end of the body InvalidInput names it. Raises InvalidInput for
+    what cannot be called.
+    """
+    if observe is None or observe is True:
+        if sys.stderr is not None and sys.stderr.isatty():
+            with _bar(time_limit) as bar, show_compilation(bar):
+                yield bar
+            return
+        observe = _LinePrinter(time_limit) if observe else _LinePrinter(time_limit, interval=60.0, patient=True)
+    elif observe is False:
+        with observe_compilation(lambda notice: None):
+            yield None
+        return
+    check_function("observe", observe)
+    named = NamedObserver(observe)
+    try:
+        with show_compilation(named):
+            yield named
+    finally:
+        if named.fault is not None:
+            STOP[0] = 0
+            raise named.fault
+
+
+class NamedObserver:
+    """An observer of a user's; ``fault`` is what it raised, by name, and ends it."""
+
+    def __init__(self, observe: Observer) -> None:
+        self._observe = observe
+        self.fault: InvalidInput | None = None
+
+    @property
+    def is_due(self) -> bool:
+        """Whether it would say something now."""
+        return self.fault is None and bool(attribute_of(self._observe, "is_due", True))
+
+    def __call__(self, progress: RunProgress) -> object:
+        """Let it look on; if it raises, ask the verb to stop."""
+        if self.fault is not None:
+            return None
+        try:
+            with user_function("observe", InvalidInput):
+                return self._observe(progress)
+        except InvalidInput as fault:
+            self.fault, STOP[0] = fault, STOP[0] or SIGUSR1
+            return None
+
+
+@contextmanager
+def _bar(time_limit: float | None) -> Iterator[Observer]:
+    """Yield an observer that draws a bar on stderr while the body runs."""
+    from rich import progress as rich  # here: it takes a while, and only terminals need it
+    from rich.console import Console
+
+    bar = rich.Progress(
+        rich.BarColumn(), rich.TextColumn("{task.description}"), console=Console(stderr=True), transient=True
+    )
+    job = bar.add_task("beginning", total=None)
+
+    def show(progress: RunProgress) -> None:
+        text = progress_text(progress, time_limit)
+        bar.update(job, completed=progress.done, total=progress.total or None, description=text)
+
+    with bar:
+        yield show
+
+
+class _LinePrinter:
+    """Prints a line of progress on stderr; of what is counted at most one in ``interval`` [s].
+
+    A patient one waits as long for its first, and of the other stages prints only what is compiled.
+    """
+
+    def __init__(self, time_limit: float | None, interval: float = 5.0, *, patient: bool = False) -> None:
+        self.time_limit, self.interval, self.patient = time_limit, interval, patient
+        self.due = time.monotonic() + interval if patient else 0.0
+
+    @property
+    def is_due(self) -> bool:
+        """Whether what is counted would be printed now; one that is not patient prints other stages at any time."""
+        return not self.patient or time.monotonic() >= self.due
+
+    def __call__(self, progress: RunProgress) -> None:
+        now = time.monotonic()
+        uncounted = progress.stage == "compilation" or (not progress.total and not self.patient)
+        if uncounted or now >= self.due:
+            self.due = now + self.interval if progress.total else self.due
+            print_line(progress_text(progress, self.time_limit))
+
+
+def progress_text(progress: RunProgress, time_limit: float | None = None) -> str:
+    """Return progress in a line: what is done of what, what there is so far, and the time that is left.
+
+    A search or loop takes at most as long as what is done says. Elsewhere the time is what the verb estimates, and the
+    time so far where it cannot. Once all is done of a stage, the time that is left is that of what follows.
+
+    >>> from paretoik.api.progress import RunProgress
+    >>> progress_text(RunProgress(stage="step", done=3, total=12, seconds=60.0, summary="front 9"))
+    'step 3/12, front 9, at most 3:00 left'
+    >>> progress_text(RunProgress(stage="refinement", done=3, total=12, seconds=60.0, remaining=200.0))
+    'refinement 3/12, about 3:20 left'
+    >>> progress_text(RunProgress(stage="point", done=12, total=12, remaining=62.0, following="certification"))
+    'point 12/12, 0:00 so far, then certification, about 1:02'
+    """
+    if progress.total == 0:
+        return progress.summary or progress.stage
+    parts = [f"{progress.stage} {progress.done}/{progress.total}", progress.summary, _duration(progress, time_limit)]
+    is_done = progress.done >= progress.total
+    after = progress.then or (progress.following if is_done else "")
+    if after and not progress.then and progress.remaining is not None:
+        after += f", about {_minutes(progress.remaining)}"
+    return ", ".join([*filter(None, parts), *([f"then {after}"] if after else [])])
+
+
+def _duration(progress: RunProgress, time_limit: float | None) -> str:
+    """Return the time that is left of what a stage counts, or has passed where nothing is left, or it is not known."""
+    if progress.done >= progress.total:
+        return f"{_minutes(progress.seconds)} so far"
+    if progress.stage in ("generation", "step"):
+        remaining = progress.seconds / max(progress.done, 1) * (progress.total - progress.done)
+        if time_limit is not None:
+            remaining = min(remaining, max(time_limit - progress.seconds, 0.0))
+        return f"at most {_minutes(remaining)} left"
+    if progress.remaining is None:
+        return f"{_minutes(progress.seconds)} so far"
+    return f"about {_minutes(progress.remaining)} left"
+
+
+def _minutes(seconds: float) -> str:
+    minutes, seconds = divmod(round(seconds), 60)
+    return f"{minutes}:{seconds:02}"

@@ -11,42 +11,95 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from jaxtyping import Bool, Float
 
-from paretoik.api.certificate_time import LaterStages, LaterTime
 from paretoik.api.certified_front import OPTIONS as CERTIFIED
-from paretoik.api.certified_front import certified_front, no_worse
+from paretoik.api.certified_front import LaterStages, LaterTime, certified_front, no_worse
 from paretoik.api.progress import Observer, RunProgress, count_observer
-from paretoik.api.refinement_display import RefinementDisplay, improved_points
-from paretoik.api.review_front import review_front
-from paretoik.api.run_session import Subject, run_session
-from paretoik.api.verb_session import computing, verb_session
-from paretoik.arrays import Genes, Ids, Point, Points, Values
-from paretoik.call_arguments import check_call
+from paretoik.api.session import RunSession, Subject, computing, review_front, run_session, verb_session
+from paretoik.arrays import Genes, Ids, Objectives, Point, Points, Values
 from paretoik.compilation_notices import computing_clock
 from paretoik.errors import InvalidInput
-from paretoik.execution.executor import check_workers
-from paretoik.execution.run_folder import check_other_folder
-from paretoik.execution.time_limit import check_time_limit
-from paretoik.fingerprint.fingerprint import check_fingerprint
-from paretoik.formulations.protocol import Differentiable, at_samples_of, require_feasible
-from paretoik.formulations.requirements import require_program
+from paretoik.formulations.protocol import Differentiable, at_samples_of, require_feasible, require_program
+from paretoik.front import indicators
 from paretoik.front.front import Front
-from paretoik.front.indicators import ranges_of
-from paretoik.front.provenance import ADDED_SAMPLES, SOLVERS
-from paretoik.inputs import check_flag, file_path, shown
+from paretoik.front.indicators import HypervolumeCurve, ranges_of
+from paretoik.front.points import ADDED_SAMPLES, SOLVERS
+from paretoik.front.preferences.compromise import marked_rows
+from paretoik.inputs import check_call, check_flag, file_path, shown
 from paretoik.nlp.minimise import check_solver
 from paretoik.nlp.program import Solver
-from paretoik.pareto.gap_filling import POINT_TOLERANCE, front_rows
-from paretoik.pareto.improver import OPTIONS as IMPROVER
-from paretoik.pareto.improver import suggest_points
+from paretoik.pareto.placement import POINT_TOLERANCE, front_rows
+from paretoik.pareto.refine import IMPROVER_OPTIONS as IMPROVER
 from paretoik.pareto.refine import refine as refine_points
-from paretoik.pareto.scalarisation import Observe
-from paretoik.pareto.warm_start import OPTIONS as WARM_STARTS
-from paretoik.pareto.warm_start import evaluate_points
+from paretoik.pareto.refine import suggest_points
+from paretoik.pareto.scalarisation import WARM_OPTIONS as WARM_STARTS
+from paretoik.pareto.scalarisation import Observe, evaluate_points
+from paretoik.review.recording.messages import RecordedPoint, front_point, workcell_of
+from paretoik.review.recording.recorder import Generation
+from paretoik.runs.executor import check_workers
+from paretoik.runs.fingerprint import check_fingerprint
+from paretoik.runs.folder import check_other_folder
+from paretoik.runs.interruption import check_time_limit
 from paretoik.search.ask_tell import Search
 from paretoik.search.endings import Progress
 from paretoik.search.islands import Islands
 from paretoik.stop_flag import STOP
 from paretoik.trajectory.levels import on_more_samples
+
+# What the recording sees of a refinement: the front before it and after it, and where each point came from.
+
+
+class RefinementDisplay:
+    """Records a front as it was, at 0 of the timeline ``refinement``, and as it became, at 1."""
+
+    def __init__(self, session: RunSession, front: Front, problem: Any) -> None:
+        self._session, self._front, self._hypervolume = session, front, HypervolumeCurve()
+        session.start(
+            names=front.names,
+            units=front.units,
+            maximised=front.maximised,
+            timeline="refinement",
+            workcell=workcell_of(problem),
+        )
+        self._record(0, front, None)
+
+    def show(self, refined: Front) -> None:
+        """Record the refined front."""
+        self._record(1, refined, self._front.objectives[_rows_before(self._front, refined)])
+
+    def _record(self, number: int, front: Front, origins: Objectives | None) -> None:
+        if self._session.recorder is None:
+            return
+        self._session.recorder.record(
+            Generation(
+                number=number,
+                population=self._front.objectives,
+                front=front.objectives,
+                front_ids=front.ids,
+                hypervolume=self._hypervolume.measure(front.minimised, number),
+                points=_marked(front),
+                origins=origins,
+            )
+        )
+
+
+def _marked(front: Front) -> tuple[RecordedPoint, ...]:
+    """Return the best point of every objective and the compromise, with their motions."""
+    if not len(front):
+        return ()
+    return tuple(front_point(front, row, axis=axis) for row, axis in marked_rows(front.minimised, front.ids))
+
+
+def improved_points(before: Front, after: Front) -> int:
+    """Return how many points of a front are better in some objective than they were, by more than rounding."""
+    gain = before.minimised[_rows_before(before, after)] - after.minimised
+    rounding = indicators.OPTIONS.rounding * indicators.ranges_of(before.minimised)
+    return int((gain > rounding).any(axis=1).sum()) if len(after) else 0
+
+
+def _rows_before(before: Front, after: Front) -> np.ndarray:
+    """Return the rows at which the points of a front were before, by their ids."""
+    rows = {int(number): row for row, number in enumerate(before.ids)}
+    return np.array([rows[int(number)] for number in after.ids], dtype=int)
 
 
 @dataclass(frozen=True, kw_only=True)

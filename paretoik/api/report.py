@@ -7,26 +7,30 @@ from typing import Any
 
 import numpy as np
 
-from paretoik.api.infeasible_run import InfeasibleRun, is_infeasible, read_infeasible
-from paretoik.api.load_front import load_front, with_problem
-from paretoik.api.result_text import gap_text
-from paretoik.api.run_problem import check_problem_argument
-from paretoik.api.run_text import status_text
-from paretoik.call_arguments import check_call
+from paretoik.api.load import check_problem_argument, load_front, with_problem
+from paretoik.api.result import InfeasibleRun, is_infeasible, read_infeasible
+from paretoik.api.result_text import gap_text, status_text
 from paretoik.errors import InvalidInput, InvalidRun
 from paretoik.formulations.protocol import is_loop
-from paretoik.front.certificate_text import certificate_text
+from paretoik.front.certificates import certificate_text
+from paretoik.front.choice import list_words
 from paretoik.front.front import Front
-from paretoik.front.joint_motions import StoredMotions
-from paretoik.front.provenance import confirmation_text
-from paretoik.front.reason import list_words
-from paretoik.front.subset import attach
-from paretoik.inputs import check_flag, file_path, shown
-from paretoik.review.limits_between import describe_limits_between
-from paretoik.review.report.report import Report, Steps
-from paretoik.run_files import PAGE_MARK, REPORT, RUN, STEPS, check_target, is_run, read_plain_file, read_run
-from paretoik.shell_command import shell_command
-from paretoik.stored_arrays import read_table
+from paretoik.front.points import StoredMotions, attach, confirmation_text
+from paretoik.inputs import check_call, check_flag, file_path, shown
+from paretoik.paths import shell_command
+from paretoik.review.report import Report, Steps
+from paretoik.review.words import describe_limits_between
+from paretoik.runs.files import (
+    PAGE_MARK,
+    REPORT,
+    RUN,
+    STEPS,
+    check_target,
+    is_run,
+    read_plain_file,
+    read_run,
+    read_table,
+)
 
 STEP_PARTS = ("chosen", "best", "worst")  # columns of a closed loop's table of steps
 

@@ -2,25 +2,147 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import pathlib
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
 
 from paretoik.api.progress import Observer
-from paretoik.api.resolution_run import motion_ending, resolution_settings, resolution_subject, save_resolution
-from paretoik.api.review_resolution import resolve_recorded, review_resolution
-from paretoik.api.run_session import run_session
-from paretoik.call_arguments import check_call
-from paretoik.inputs import check_flag
+from paretoik.api.session import RunSession, Subject, run_session
+from paretoik.errors import Infeasible
+from paretoik.front.points import StoredJoints, StoredMotions
+from paretoik.front.storage import array_bytes, motion_arrays
+from paretoik.inputs import check_call, check_flag
 from paretoik.resolution.follow import TRACKING_TOLERANCE
-from paretoik.resolution.method import Method
-from paretoik.resolution.resolve import Unreachable, resolution_of
+from paretoik.resolution.protocol import Criterion, Method, ResolvedMotion
+from paretoik.resolution.resolve import Resolution, Unreachable, resolution_of
 from paretoik.resolution.resolve import resolve as resolve_motion
-from paretoik.resolution.traces import ResolvedMotion
+from paretoik.review.recording.messages import ResolutionEnd, ResolvedScene, record_traces, workcell_of
 from paretoik.robot.arm import Arm
+from paretoik.runs.files import DRAWING, MOTIONS, TRACES, write_result
+from paretoik.runs.fingerprint import fingerprint
 from paretoik.task.limits import Limits
+from paretoik.task.objectives import Objective
 from paretoik.task.obstacles import Obstacle
 from paretoik.task.path import Path
-from paretoik.task.task import Task
+from paretoik.task.task import Task, error_unit
+
+# The run of one resolved motion: what is asked for, in words and numbers, and what is kept of it.
+
+
+HOLDS = f"a resolved motion, its joint positions in {MOTIONS} and what its method did in {TRACES}"
+
+
+def resolution_settings(resolution: Resolution, seed: int) -> dict[str, Any]:
+    """Return the numbers of what is resolved by name."""
+    return {
+        "method": method_settings(resolution.method),
+        "unreachable": resolution.unreachable,
+        "tolerance": float(resolution.tolerance),
+        "seed": seed,
+    }
+
+
+def resolution_subject(resolution: Resolution) -> Subject:
+    """Return what is resolved as the subject of a run."""
+    title = f"{type(resolution.method).__name__} of {resolution.task.arm.name}"
+    return Subject(title=title, fingerprint=fingerprint(resolution))
+
+
+def method_settings(method: Method) -> dict[str, Any]:
+    """Return a method by its name and its numbers; of criteria their objective and gain."""
+    settings: dict[str, Any] = {"name": type(method).__name__}
+    for each in fields(method):
+        value = getattr(method, each.name)
+        if isinstance(value, tuple | list) and all(isinstance(one, Criterion) for one in value):
+            settings[each.name] = [{"objective": one.objective.name, "gain": _plain(one.gain)} for one in value]
+        elif isinstance(value, Objective):
+            settings[each.name] = value.name
+        elif value is None or isinstance(value, bool | str) or np.asarray(value).dtype.kind in "biuf":
+            settings[each.name] = _plain(value)
+    return settings
+
+
+def motion_ending(motion: ResolvedMotion, seconds: float) -> dict[str, Any]:
+    """Return how a motion came out: how many steps had which status, and how far it is off its path at most."""
+    steps = Counter(motion.traces.status.ravel().tolist())
+    counts = {"motions": int(np.prod(motion.q.shape[:-2])), "steps": dict(steps), "seconds": round(seconds, 3)}
+    return {"status": "resolved", "counts": counts, "largest_error": float(np.abs(motion.traces.errors).max())}
+
+
+def save_resolution(motion: ResolvedMotion, provenance: dict[str, Any], folder: pathlib.Path) -> None:
+    """Write a motion, or a batch of them, into a folder, all of their files at once or none.
+
+    In `traces.npz` every array of ``motion.traces`` has one row a motion, as in `motions.npz`.
+    """
+    shape, dof = motion.q.shape[:-2], motion.arm.dof
+    count = int(np.prod(shape))
+    stored = StoredMotions(
+        arm=StoredJoints(joint_names=motion.arm.joint_names),
+        time=motion.time.reshape(count, -1),
+        q=motion.q.reshape(count, -1, dof),
+    )
+    traces = {each.name: np.asarray(getattr(motion.traces, each.name)) for each in fields(motion.traces)}
+    files = {
+        MOTIONS: array_bytes({"id": np.arange(count), **motion_arrays(stored)}),
+        TRACES: array_bytes({name: each.reshape(count, *each.shape[len(shape) :]) for name, each in traces.items()}),
+    }
+    write_result(folder, {**provenance, "holds": HOLDS, "batch": list(shape)}, files)
+
+
+def _plain(value: Any) -> Any:
+    """Return a number or an array of numbers as JSON has it; others as they are."""
+    return value if value is None or isinstance(value, bool | str) else np.asarray(value).tolist()
+
+
+# What the folder of a resolved motion shows: a recording, and a picture.
+
+
+def resolve_recorded(resolution: Resolution, session: RunSession) -> ResolvedMotion:
+    """Return the motion that is asked for, while a recording is begun; where the path is lost, record how far it goes.
+
+    Raises what ``resolution.resolve`` does.
+    """
+    cell = workcell_of(resolution)
+    assert cell is not None
+    scene = ResolvedScene(
+        workcell=cell,
+        method=type(resolution.method).__name__,
+        criteria=tuple(each.objective.name for each in resolution.criteria),
+        tolerance=float(resolution.tolerance),
+        error_unit=error_unit(resolution.task.tasks),
+        min_clearance=float(resolution.task.min_clearance),
+    )
+    session.start_recording(scene)
+    try:
+        return resolve_motion(resolution)
+    except Infeasible as lost:
+        if isinstance(lost.motion, ResolvedMotion):
+            ending = {"status": "the path is lost", "reason": str(lost)}
+            _finish_recording(lost.motion, {**session.provenance, **ending}, session)
+        raise
+
+
+def _finish_recording(motion: ResolvedMotion, provenance: Mapping[str, Any], session: RunSession) -> None:
+    if session.recorder is not None:
+        motions, count = record_traces(motion)
+        session.finish_recording(ResolutionEnd(motions=motions, count=count, provenance=provenance))
+
+
+def review_resolution(motion: ResolvedMotion, resolution: Resolution, session: RunSession) -> None:
+    """Complete the recording, and draw the first of the motions."""
+    if session.folder is None:
+        return
+    _finish_recording(motion, {**session.provenance, "status": "resolved"}, session)
+    from paretoik.review.pictures.motions import resolution_picture  # here: matplotlib takes its time
+
+    while motion.q.ndim > 2:
+        motion = motion[0]
+    resolution_picture(motion, [each.objective.name for each in resolution.criteria], session.folder / DRAWING)
 
 
 @check_call

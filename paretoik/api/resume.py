@@ -12,28 +12,27 @@ import numpy as np
 
 from paretoik.api.epsilon_front import epsilon_front
 from paretoik.api.initial import INITIAL
+from paretoik.api.load import check_problem_argument, how_to_name, named_problem
 from paretoik.api.plan import plan
 from paretoik.api.progress import Observer
 from paretoik.api.refine import refine
-from paretoik.api.run_problem import check_problem_argument, how_to_name, named_problem
-from paretoik.api.run_session import SOURCE, StoppedRun
+from paretoik.api.session import SOURCE, StoppedRun
 from paretoik.api.solve import solve
-from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput, InvalidRun
-from paretoik.execution.executor import check_workers
-from paretoik.execution.machine import versions
-from paretoik.execution.run_folder import reclaim_folder
-from paretoik.execution.time_limit import check_time_limit
-from paretoik.fingerprint.fingerprint import check_fingerprint
+from paretoik.formulations.motions import restore_motions
 from paretoik.formulations.protocol import at_samples_of, timeline
-from paretoik.formulations.stored_motions import restore_motions
 from paretoik.front.front import Front
+from paretoik.front.points import attach
 from paretoik.front.preferences.weights import Weights
-from paretoik.front.subset import attach
-from paretoik.inputs import check_count, check_flag, check_function, file_path
-from paretoik.journal import journalled, recalled
-from paretoik.run_files import CHECKPOINT, FINISHED, JOURNAL, RUN, can_resume, check_digest, read_run
-from paretoik.search.seeding import check_algorithm
+from paretoik.inputs import check_call, check_count, check_flag, check_function, file_path
+from paretoik.runs.executor import check_workers
+from paretoik.runs.files import CHECKPOINT, FINISHED, JOURNAL, RUN, can_resume, check_digest, read_run
+from paretoik.runs.fingerprint import check_fingerprint
+from paretoik.runs.folder import reclaim_folder
+from paretoik.runs.interruption import check_time_limit
+from paretoik.runs.journal import journalled, recalled
+from paretoik.runs.machine import versions
+from paretoik.search.genes import check_algorithm
 from paretoik.trajectory.plan import Plan
 
 VERBS: dict[str, Callable[..., Front | Plan]] = {each.__name__: each for each in (solve, plan, epsilon_front, refine)}

@@ -2,48 +2,205 @@
 
 from __future__ import annotations
 
+import time
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
-from paretoik.api.completion import complete_front
-from paretoik.api.generation_motions import GenerationMotions
+from paretoik.api.certified_front import LaterStages, LaterTime, phase_text
 from paretoik.api.initial import InitialSolutions, merge_front
-from paretoik.api.least_violating import (
+from paretoik.api.progress import Observer, RunProgress, count_observer
+from paretoik.api.refine import SearchImprover, refine_front
+from paretoik.api.result import (
     finish_infeasible,
     infeasible_error,
     least_violating,
     least_violating_end,
     nearest_motion,
 )
-from paretoik.api.progress import RunProgress
-from paretoik.api.refine import SearchImprover
-from paretoik.api.review_front import review_front
-from paretoik.api.run_session import RunSession
-from paretoik.api.settings import DEFAULTS, SolveSettings
-from paretoik.api.verb_session import computing
+from paretoik.api.session import DEFAULTS, RunSession, SolveSettings, computing, review_front
+from paretoik.arrays import Ids, Points
 from paretoik.compilation_notices import computing_clock
 from paretoik.errors import Infeasible, InvalidInput, SolverFailed
-from paretoik.execution.time_limit import TimeLimit as CallTimeLimit
-from paretoik.execution.time_limit import check_time_limit
-from paretoik.formulations.closed_loop_arguments import read_steps
-from paretoik.formulations.protocol import has_branches, require_feasible
-from paretoik.formulations.requirements import require_program
+from paretoik.formulations.control_step import read_steps
+from paretoik.formulations.protocol import Differentiable, decode, has_branches, require_feasible, require_program
 from paretoik.front.front import Front
-from paretoik.front.hypervolume_curve import HypervolumeCurve
+from paretoik.front.indicators import HypervolumeCurve
+from paretoik.front.preferences.compromise import marked_rows
 from paretoik.inputs import check_size, real_array, shown
 from paretoik.nlp.minimise import check_solver
+from paretoik.nlp.program import Solver
+from paretoik.pareto.epsilon import epsilon_points
+from paretoik.pareto.sweep import ObserveSweep, SweepProgress
+from paretoik.review.recording.messages import RecordedPoint, record_motion, workcell_of
 from paretoik.review.recording.recorder import Generation, SearchEnd
-from paretoik.review.recording.workcell import workcell_of
-from paretoik.run_files import STOPPED
+from paretoik.runs.files import STOPPED
+from paretoik.runs.interruption import TimeLimit as CallTimeLimit
+from paretoik.runs.interruption import check_time_limit
 from paretoik.search.ask_tell import Search
 from paretoik.search.endings import Ending, Evaluations, Generations, Progress, Stagnation, Target, TimeLimit
 from paretoik.search.evolution import evolve
+from paretoik.search.genes import check_sizes
 from paretoik.search.islands import Islands
-from paretoik.search.seeding import check_sizes
-from paretoik.stop_flag import Interrupted
+from paretoik.stop_flag import Interrupted, check_interruption
+
+# The points of a generation that a recording shows for themselves, and their motions, as far as there is time.
+
+
+@dataclass(frozen=True, kw_only=True)
+class MotionOptions:
+    """How many motions are decoded for a recording.
+
+    Decoding takes at most a ``share`` of the run's time. Those of so many generations as ``dense`` are decoded one
+    after the other, of as many after them every second, then every fourth, and so on. ``samples`` is the most of each.
+    """
+
+    share: float = 0.01
+    dense: int = 60
+    samples: int = 401
+
+
+OPTIONS = MotionOptions()
+
+
+class GenerationMotions:
+    """Finds in each generation of a search the best point of every objective and the compromise."""
+
+    def __init__(self, search: Search | Islands) -> None:
+        self._search = search
+        self._shown: list[int] = []  # ids whose motions were decoded last
+        self._decoded = 0
+        self._next = 0
+        self._spent, self._started = 0.0, time.monotonic()
+        self._moves = True
+
+    def points(self, progress: Progress) -> tuple[RecordedPoint, ...]:
+        """Return the points, with motions where these have changed and there was time to decode them."""
+        if not len(progress.front):
+            return ()
+        marked = marked_rows(progress.front, progress.ids)
+        signs = np.where(self._search.maximised, -1.0, 1.0)
+        points = tuple(
+            RecordedPoint(id=int(progress.ids[row]), objectives=progress.front[row] * signs, axis=axis)
+            for row, axis in marked
+        )
+        ids = [point.id for point in points]
+        if not self._moves or ids == self._shown or not self._is_due(progress.generation):
+            return points
+        started = time.monotonic()
+        points = self._with_motions(points, [row for row, _ in marked])
+        self._spent += time.monotonic() - started
+        self._shown, self._decoded = ids, self._decoded + 1
+        self._next = progress.generation + 2 ** (self._decoded // OPTIONS.dense)
+        return points
+
+    def _is_due(self, generation: int) -> bool:
+        elapsed = time.monotonic() - self._started
+        return generation >= self._next and self._spent <= OPTIONS.share * elapsed
+
+    def _with_motions(self, points: tuple[RecordedPoint, ...], rows: list[int]) -> tuple[RecordedPoint, ...]:
+        members = self._search.archive.members
+        assert members is not None
+        unique, place = np.unique(rows, return_inverse=True)
+        motions = decode(self._search.problem, members.X[unique])
+        if motions is None:
+            self._moves = False
+            return points
+        return tuple(
+            replace(point, motion=record_motion(motions[int(i)], curves=False, samples=OPTIONS.samples))
+            for point, i in zip(points, place, strict=True)
+        )
+
+
+# Complete a searched front: its points refined, the planner's ends added and its gaps filled, all of it certified.
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompletionOptions:
+    """From so many ``starts`` each objective is planned; so many points are sought from ``cold_points`` starts too.
+
+    What a search has looked for need not be looked for as long as from nothing.
+    """
+
+    starts: int = 24
+    cold_points: int = 0
+
+
+COMPLETION_OPTIONS = CompletionOptions()
+
+
+def complete_front(
+    front: Front, *, points: int, seed: int, first_id: int, solver: Solver, observe: Observer | None
+) -> Front:
+    """Return a front as ``refine`` does, with at most so many ``points``, or its own where these are more.
+
+    Among them are the ends that ``plan`` finds, and new ones where gaps gain the most; their ids begin at ``first_id``.
+    Where the planner finds nothing, the front is refined and no more.
+    """
+
+    def complete(
+        formulation: Differentiable,
+        x: Points,
+        ids: Ids,
+        ranges: Float[np.ndarray, " n_obj"],
+        shown: Observer | None,
+        later: LaterTime,
+    ) -> tuple[Points, Ids, Float[np.ndarray, " n_obj"]]:
+        if len(ranges) < 2 or not len(x):
+            return x, ids, ranges
+        with suppress(Infeasible, SolverFailed, Interrupted):
+            check_interruption()
+            cold = formulation.cold_search(
+                starts=COMPLETION_OPTIONS.starts, seed=seed, solver=solver, observe=count_observer(shown, "optimum")
+            )
+            complete_x, complete_ranges = epsilon_points(
+                formulation.program,
+                cold,
+                len(ranges),
+                points=max(points, 2),
+                initial=x,
+                refined=True,
+                cold_points=COMPLETION_OPTIONS.cold_points,
+                solver=solver,
+                observe=_point_observer(shown, LaterStages.of(front.problem).text, later),
+            )
+            return complete_x, _ids(complete_x, x, ids, first_id), complete_ranges
+        return x, ids, ranges
+
+    return refine_front(front, front.problem, solver=solver, observe=observe, complete=complete)
+
+
+def _point_observer(observe: Observer | None, following: str, later: LaterTime) -> ObserveSweep | None:
+    if observe is None:
+        return None
+    started = computing_clock()
+
+    def show(progress: SweepProgress) -> object:
+        seconds = computing_clock() - started
+        return observe(
+            RunProgress(
+                stage="point",
+                done=progress.done,
+                total=progress.total,
+                seconds=seconds,
+                remaining=later.sweep_left(progress, seconds) if getattr(observe, "is_due", True) else None,
+                summary=phase_text(progress.phase),
+                following=following,
+            )
+        )
+
+    return show
+
+
+def _ids(x: Points, before: Float[np.ndarray, " before *point"], ids: np.ndarray, first_id: int) -> np.ndarray:
+    """Return the ids of points: those that they had before, and new ones from ``first_id`` on."""
+    ids_before = {one.tobytes(): int(each) for one, each in zip(before, ids, strict=True)}
+    return np.array([ids_before.get(one.tobytes(), first_id + i) for i, one in enumerate(x)], dtype=np.int64)
+
 
 INTERRUPTED = tuple(status for status in STOPPED if status != "time limit")
 

@@ -6,19 +6,17 @@ from collections.abc import Mapping
 from os.path import relpath
 from pathlib import Path
 
-from paretoik.api.load_front import load_front
+from paretoik.api.load import load_front
 from paretoik.api.progress import Observer
 from paretoik.api.solve import solve
-from paretoik.errors import InvalidInput, ParetoikError
-from paretoik.execution.run_folder import check_other_folder
+from paretoik.errors import InvalidInput, ParetoikError, warn_user
 from paretoik.formulations.protocol import is_loop, reweigh
-from paretoik.front.choices import Choices, go_back, keep_choice
-from paretoik.front.front import Choice, Front, Preference
+from paretoik.front.choice_tree import Choices, go_back, keep_choice
+from paretoik.front.front import Choice, Front, Preference, show_choice
 from paretoik.front.preferences.requests import as_preference
-from paretoik.front.viewing import show_choice
 from paretoik.inputs import file_path
-from paretoik.run_files import RECORDING
-from paretoik.user_warnings import warn_user
+from paretoik.runs.files import RECORDING
+from paretoik.runs.folder import check_other_folder
 
 
 def select(

@@ -6,18 +6,16 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from paretoik.api.follow import LoopRun
+from paretoik.api.follow_loop import LoopRun
 from paretoik.api.progress import Observer
-from paretoik.api.run_session import Subject, run_session
 from paretoik.api.search_front import FrontSearch
-from paretoik.api.settings import SolveSettings
+from paretoik.api.session import SolveSettings, Subject, run_session
 from paretoik.arrays import Genes
-from paretoik.call_arguments import check_call
-from paretoik.execution.time_limit import limited_evaluations
 from paretoik.formulations.protocol import timeline
 from paretoik.front.front import Front
-from paretoik.inputs import check_flag
+from paretoik.inputs import check_call, check_flag
 from paretoik.nlp.program import Solver
+from paretoik.runs.interruption import limited_evaluations
 from paretoik.task.motion import Motion
 
 RUNS: dict[str, type[FrontSearch] | type[LoopRun]] = {

@@ -5,18 +5,16 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from paretoik.api.progress import Observer, count_observer
-from paretoik.api.progress_display import open_observer
-from paretoik.api.run_problem import check_problem_argument, how_to_name, named_problem
-from paretoik.call_arguments import check_call
+from paretoik.api.load import check_problem_argument, how_to_name, named_problem
+from paretoik.api.progress import Observer, count_observer, open_observer
 from paretoik.errors import InvalidInput
-from paretoik.file_replacement import without_writers
-from paretoik.fingerprint.fingerprint import fingerprint
 from paretoik.formulations.protocol import at_samples_of
-from paretoik.inputs import file_path
+from paretoik.inputs import check_call, file_path
+from paretoik.runs.file_replacement import without_writers
+from paretoik.runs.fingerprint import fingerprint
 
 if TYPE_CHECKING:
-    from paretoik.verification.report import Verification
+    from paretoik.verification.run_contents import Verification
 
 
 @check_call

@@ -5,11 +5,80 @@ The derivative of each operation stands in ``operation_derivatives``.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 
-from paretoik.autodiff.operation_derivatives import partial_derivatives
-from paretoik.autodiff.operations import NO_OPERAND, PIECEWISE, Op
+from paretoik.autodiff.operations import NO_OPERAND, PIECEWISE, PIECEWISE_CONSTANT, Op
 from paretoik.autodiff.tape import Tape
+from paretoik.errors import InvalidInput
+
+# The derivative of every elementary operation, as entries of the same tape.
+#
+# At a kink, that of an absolute value, a maximum or a choice, it is the derivative of the piece that is taken there.
+
+
+def partial_derivatives(tape: Tape, i: int, wrt: Container[int] | None = None) -> list[tuple[int, int]]:
+    """Return (operand, entry of ∂entry i/∂operand) for each operand that is in ``wrt`` (None: all)."""
+    op, a, b, c = tape.entries[i]
+    apply, constant = tape.apply, tape.constant
+    if op is Op.INPUT or op in PIECEWISE_CONSTANT:
+        return []
+    requested = [k for k in (a, b, c) if k != NO_OPERAND and (wrt is None or k in wrt)]
+    if not requested:
+        return []
+    partials: list[tuple[int, int]] = []
+    if op is Op.ADD:
+        partials = [(a, constant(1.0)), (b, constant(1.0))]
+    elif op is Op.SUBTRACT:
+        partials = [(a, constant(1.0)), (b, constant(-1.0))]
+    elif op in (Op.MULTIPLY, Op.MASKED_MULTIPLY):
+        partials = [(a, b), (b, a)]
+    elif op is Op.DIVIDE:
+        inverse = apply(Op.DIVIDE, constant(1.0), b)
+        partials = [(a, inverse), (b, apply(Op.NEGATE, apply(Op.MULTIPLY, i, inverse)))]
+    elif op is Op.ARC_TANGENT:
+        square = apply(Op.ADD, apply(Op.MULTIPLY, a, a), apply(Op.MULTIPLY, b, b))
+        partials = [(a, apply(Op.DIVIDE, b, square)), (b, apply(Op.NEGATE, apply(Op.DIVIDE, a, square)))]
+    elif op in (Op.MAXIMUM, Op.MINIMUM):
+        first = apply(Op.LESS_EQUAL, b, a) if op is Op.MAXIMUM else apply(Op.LESS_EQUAL, a, b)
+        partials = [(a, first), (b, apply(Op.SUBTRACT, constant(1.0), first))]
+    elif op is Op.POWER:
+        partials = [(a, apply(Op.MULTIPLY, b, apply(Op.POWER, a, apply(Op.SUBTRACT, b, constant(1.0)))))]
+        if b not in tape.values:
+            partials.append((b, apply(Op.MASKED_MULTIPLY, i, apply(Op.LOGARITHM, a))))
+    elif op is Op.WHERE:
+        partials = [
+            (b, apply(Op.WHERE, a, constant(1.0), constant(0.0))),
+            (c, apply(Op.WHERE, a, constant(0.0), constant(1.0))),
+        ]
+    else:
+        partials = [(a, unary_derivative(tape, op, i, a))]
+    return [(operand, partial) for operand, partial in partials if operand in requested]
+
+
+def unary_derivative(tape: Tape, op: Op, i: int, a: int) -> int:
+    """Return the entry of the derivative of a function of one number, entry i, at its operand a."""
+    apply, constant = tape.apply, tape.constant
+    if op is Op.NEGATE:
+        return constant(-1.0)
+    if op is Op.SINE:
+        return apply(Op.COSINE, a)
+    if op is Op.COSINE:
+        return apply(Op.NEGATE, apply(Op.SINE, a))
+    if op is Op.SQUARE_ROOT:
+        # 0 at 0: the norm of a zero vector increases in no direction more than in another.
+        return apply(Op.WHERE, i, apply(Op.DIVIDE, constant(0.5), i), constant(0.0))
+    if op is Op.EXPONENTIAL:
+        return i
+    if op is Op.LOGARITHM:
+        return apply(Op.DIVIDE, constant(1.0), a)
+    if op is Op.TANH:
+        return apply(Op.SUBTRACT, constant(1.0), apply(Op.MULTIPLY, i, i))
+    if op is Op.ABSOLUTE:
+        return apply(Op.SIGN, a)
+    if op in (Op.ARC_SINE, Op.ARC_COSINE):
+        root = apply(Op.SQUARE_ROOT, apply(Op.SUBTRACT, constant(1.0), apply(Op.MULTIPLY, a, a)))
+        return apply(Op.DIVIDE, constant(1.0 if op is Op.ARC_SINE else -1.0), root)
+    raise InvalidInput(f"{op.name.lower()} has no derivative")
 
 
 def dependencies(tape: Tape, outputs: Sequence[int]) -> list[int]:

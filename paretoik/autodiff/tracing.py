@@ -6,16 +6,18 @@ once for all samples, and may not couple one sample to another. Where it is None
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
+import inspect
+import operator
+from collections.abc import Callable, Sequence
+from functools import partial, reduce
+from itertools import accumulate
 from typing import Any
 
 import numpy as np
 from numpy.lib.array_utils import normalize_axis_tuple
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
-from paretoik.autodiff.numpy_ufuncs import BOOLEAN, apply_ufunc
-from paretoik.autodiff.tape import Expression, Tape
+from paretoik.autodiff.tape import BOOLEAN, Expression, Tape, apply_ufunc, where
 from paretoik.errors import InvalidInput
 
 
@@ -154,8 +156,6 @@ class TracedArray(NDArrayOperatorsMixin):
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **settings: Any) -> Any:
         """Apply a NumPy function of numbers, element by element, or a sum, product, maximum or minimum of many."""
-        from paretoik.autodiff.numpy_array_functions import matmul, reduce_ufunc  # here: in terms of this class
-
         name = ufunc.__name__
         if method == "reduce" and ufunc in REDUCIBLE:
             _check_settings(f"np.{name}.reduce", settings, "axis", "keepdims")
@@ -178,8 +178,6 @@ class TracedArray(NDArrayOperatorsMixin):
 
         Raises InvalidInput, naming the function, where it is not.
         """
-        from paretoik.autodiff.numpy_array_functions import apply_function  # here: in terms of this class
-
         return apply_function(self.source, function, args, settings)
 
     def entry_axes(self, axes: Any) -> tuple[int, ...]:
@@ -292,3 +290,281 @@ def _assign_out(name: str, out: Any, result: TracedArray) -> TracedArray:
 
 
 REDUCIBLE = frozenset({np.add, np.multiply, np.maximum, np.minimum})
+
+
+# NumPy's functions of arrays that can be differentiated, in terms of its operators, sums and indices.
+
+
+def apply_function(trace: Trace, function: Callable[..., Any], args: Any, settings: Any) -> Any:
+    """Return the result of NumPy's function; raise InvalidInput, naming it, where its derivative is not known."""
+    name = _name(function)
+    traceable = FUNCTIONS.get(function)
+    if traceable is None:
+        others = ", ".join(sorted(_name(other) for other in FUNCTIONS))
+        raise InvalidInput(f"{name} has no derivative here; those that have: {others}")
+    try:
+        inspect.signature(traceable).bind(trace, *args, **settings)
+    except TypeError as error:
+        raise InvalidInput(f"{name}: {error} where derivatives are taken") from None
+    return traceable(trace, *args, **settings)
+
+
+def reduce_ufunc(ufunc: np.ufunc, array: TracedArray, *, axis: Any = None, keepdims: bool = False) -> TracedArray:
+    """Return an array reduced along axes, first to last."""
+    trace, entries = array.source, array.entries
+    if ufunc.identity is None and 0 in entries.shape:
+        raise InvalidInput(f"np.{ufunc.__name__} of nothing has no value")
+    for k in sorted(array.entry_axes(axis), reverse=True):
+        rows = [TracedArray(trace, row) for row in np.moveaxis(entries, k, 0)]
+        rows = rows or [TracedArray(trace, np.full(np.delete(entries.shape, k), ufunc.identity, dtype=float))]
+        total = reduce(
+            partial(apply_elementwise, trace, lambda *pair: apply_ufunc(trace.tape, ufunc.__name__, pair)), rows
+        )
+        entries = np.expand_dims(total.entries, k) if keepdims else total.entries
+    return TracedArray(trace, entries)
+
+
+def matmul(first: Any, second: Any) -> Any:
+    """Return first @ second."""
+    first, second = (side if isinstance(side, TracedArray) else np.asarray(side) for side in (first, second))
+    shapes = first.shape, second.shape
+    if not all(shapes) or shapes[0][-1] != shapes[1][-2:][0]:
+        raise InvalidInput(f"arrays of shapes {shapes[0]} and {shapes[1]} have no matrix product")
+    if second.ndim == 1:
+        return (first * second).sum(axis=-1)
+    if first.ndim == 1:
+        return (first[:, None] * second).sum(axis=-2)
+    return (first[..., :, :, None] * second[..., None, :, :]).sum(axis=-2)
+
+
+def _name(function: Callable[..., Any]) -> str:
+    return f"{function.__module__.replace('numpy', 'np')}.{function.__name__}"
+
+
+def _reduction(ufunc: np.ufunc) -> Callable[..., Any]:
+    def reduction(trace: Trace, a: TracedArray, axis: Any = None, *, keepdims: bool = False) -> TracedArray:
+        return reduce_ufunc(ufunc, a, axis=axis, keepdims=keepdims)
+
+    return reduction
+
+
+def _mean(trace: Trace, a: TracedArray, axis: Any = None, *, keepdims: bool = False) -> Any:
+    total = reduce_ufunc(np.add, a, axis=axis, keepdims=keepdims)
+    return total * (max(total.entries.size, 1) / max(a.entries.size, 1))
+
+
+def _variance(trace: Trace, a: TracedArray, axis: Any = None, *, ddof: int = 0, keepdims: bool = False) -> Any:
+    deviation = a - _mean(trace, a, axis, keepdims=True)
+    total = reduce_ufunc(np.add, deviation * deviation, axis=axis, keepdims=keepdims)
+    return total / (max(a.entries.size, 1) / max(total.entries.size, 1) - ddof)
+
+
+def _deviation(trace: Trace, a: TracedArray, axis: Any = None, *, ddof: int = 0, keepdims: bool = False) -> Any:
+    return np.sqrt(_variance(trace, a, axis, ddof=ddof, keepdims=keepdims))
+
+
+def _peak_to_peak(trace: Trace, a: TracedArray, axis: Any = None, *, keepdims: bool = False) -> Any:
+    ends = [reduce_ufunc(ufunc, a, axis=axis, keepdims=keepdims) for ufunc in (np.maximum, np.minimum)]
+    return ends[0] - ends[1]
+
+
+def _all(trace: Trace, a: TracedArray, axis: Any = None, *, keepdims: bool = False) -> TracedArray:
+    return reduce_ufunc(np.multiply, a != 0, axis=axis, keepdims=keepdims).astype(bool)
+
+
+def _any(trace: Trace, a: TracedArray, axis: Any = None, *, keepdims: bool = False) -> TracedArray:
+    return reduce_ufunc(np.add, a != 0, axis=axis, keepdims=keepdims).astype(bool)
+
+
+def _norm(trace: Trace, x: Any, ord: Any = None, axis: Any = None, keepdims: bool = False) -> Any:
+    if ord not in (None, 2, 1, np.inf) or (ord is not None and x.ndim > 1 and not isinstance(axis, int | np.integer)):
+        raise InvalidInput(f"np.linalg.norm(ord={ord}) has no derivative here; ord 1, 2 and inf of vectors have")
+    if ord == 1:
+        return np.sum(np.abs(x), axis=axis, keepdims=keepdims)
+    if ord == np.inf:
+        return np.max(np.abs(x), axis=axis, keepdims=keepdims)
+    return np.sqrt(np.sum(x * x, axis=axis, keepdims=keepdims))
+
+
+def _where(trace: Trace, condition: Any, x: Any, y: Any, /) -> TracedArray:
+    return apply_elementwise(trace, where, condition, x, y)
+
+
+def _clip(trace: Trace, a: Any, a_min: Any = None, a_max: Any = None, *, min: Any = None, max: Any = None) -> Any:
+    low, high = (a_min if min is None else min), (a_max if max is None else max)
+    above = np.positive(a) if low is None else np.maximum(a, low)
+    return above if high is None else np.minimum(above, high)
+
+
+def _accumulation(join: Callable[[Any, Any], Any]) -> Callable[..., Any]:
+    def accumulation(trace: Trace, a: TracedArray, axis: int | None = None) -> TracedArray:
+        if axis is None:
+            a, axis = a.ravel(), -1
+        (k,) = a.entry_axes(axis)
+        rows = list(accumulate(np.moveaxis(a.entries, k, 0), join))
+        return TracedArray(trace, np.stack(rows, axis=k) if rows else a.entries)
+
+    return accumulation
+
+
+def _diff(trace: Trace, a: TracedArray, n: int = 1, axis: int = -1) -> TracedArray:
+    (k,) = a.entry_axes(axis)
+    rows = np.moveaxis(a.entries, k, 0)
+    for _ in range(n):
+        rows = rows[1:] - rows[:-1]
+    return TracedArray(trace, np.moveaxis(rows, 0, k))
+
+
+def _joining(join: Callable[..., Any]) -> Callable[..., Any]:
+    def joining(trace: Trace, arrays: Sequence[Any], axis: int | None = 0) -> TracedArray:
+        parts = [array if isinstance(array, TracedArray) else _as_traced(trace, np.asarray(array)) for array in arrays]
+        return rearrange(_name(join), lambda *numbers: join(numbers, axis=axis), *parts).copy()
+
+    return joining
+
+
+def _as_traced(trace: Trace, array: np.ndarray) -> TracedArray:
+    """Return a plain array (time, ...) as a traced one."""
+    if trace.samples is not None and (array.ndim == 0 or len(array) != trace.samples):
+        raise InvalidInput(f"an array of shape {array.shape} cannot be joined with one of {trace.samples} samples")
+    return TracedArray(trace, entries_of(trace, array, max(array.ndim - 1, 0)))
+
+
+def _dot(trace: Trace, a: Any, b: Any) -> Any:
+    if np.ndim(a) == 0 or np.ndim(b) == 0:
+        return a * b
+    if np.ndim(b) > 2 and np.ndim(a) > 1:
+        raise InvalidInput("np.dot of stacks of matrices has no derivative here: a @ b is wanted")
+    return matmul(a, b)
+
+
+def _cross(trace: Trace, a: Any, b: Any, *, axis: int = -1) -> Any:
+    a, b = (side if isinstance(side, TracedArray) else np.asarray(side) for side in (a, b))
+    if axis != -1 or a.shape[-1:] != (3,) or b.shape[-1:] != (3,):
+        raise InvalidInput(f"np.cross wants vectors of 3 numbers along the last axis, got {a.shape} and {b.shape}")
+    (x, y, z), (u, v, w) = ([side[..., k] for k in range(3)] for side in (a, b))
+    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)
+
+
+def _einsum(trace: Trace, subscripts: str, *operands: Any, optimize: Any = False) -> Any:
+    inputs, arrow, output = str(subscripts).replace(" ", "").partition("->")
+    terms, letters = inputs.split(","), sorted(set(inputs) - set(".,"))
+    if not arrow:
+        output = "..." * ("..." in inputs) + "".join(letter for letter in letters if inputs.count(letter) == 1)
+    order = output.removeprefix("...")
+    inside = [term.replace("...", "") for term in terms]
+    repeats = any(len(set(term)) < len(term) for term in (*inside, order))
+    valid_dots = ("..." in inputs) == output.startswith("...") and "." not in order
+    if len(terms) != len(operands) or repeats or not valid_dots or not set(order) <= set(letters):
+        raise InvalidInput(f"np.einsum({subscripts!r}) has no derivative here; sums like '...ij,...j->...i' have")
+    summed = [letter for letter in letters if letter not in order]
+    total: Any = 1.0
+    for term, operand in zip(terms, operands, strict=True):
+        total = total * _align_axes(term, operand, [*order, *summed])
+    return np.sum(total, axis=tuple(range(-len(summed), 0))) if summed else total
+
+
+def _align_axes(term: str, operand: Any, order: list[str]) -> Any:
+    """Return an operand of np.einsum with an axis for each letter, after those that ``...`` stands for."""
+    before, dots, after = term.partition("...")
+    free = np.ndim(operand) - len(before) - len(after)
+    if free < 0 or (free and not dots):
+        raise InvalidInput(f"np.einsum: {term!r} does not name the axes of an array of shape {np.shape(operand)}")
+    named = [*before, *[None] * free, *after]
+    axes = [axis for axis, letter in enumerate(named) if letter is None]
+    axes += [named.index(letter) for letter in order if letter in named]
+    aligned = np.transpose(operand, axes)
+    return aligned[(..., *(slice(None) if letter in named else None for letter in order))]
+
+
+def _determinant(trace: Trace, a: TracedArray) -> TracedArray:
+    """By Laplace's expansion, minors of the last rows first: no division, no choice of pivots."""
+    if a.shape[-1:] != a.shape[-2:-1]:
+        raise InvalidInput(f"np.linalg.det wants square matrices, got shape {a.shape}")
+    a.entry_axes((-2, -1))
+    size = a.entries.shape[-1]
+    minors: dict[tuple[int, ...], Any] = {(): np.asarray(1.0, dtype=object)}
+    for row in reversed(range(size)):
+        larger: dict[tuple[int, ...], Any] = {}
+        for columns, minor in minors.items():
+            for j in set(range(size)) - set(columns):
+                chosen = tuple(sorted((*columns, j)))
+                term = a.entries[..., row, j] * minor * (-1.0) ** chosen.index(j)
+                larger[chosen] = larger[chosen] + term if chosen in larger else term
+        minors = larger
+    return TracedArray(trace, minors[tuple(range(size))])
+
+
+def _trace(diagonal: Callable[..., Any]) -> Callable[..., Any]:
+    def traced(trace: Trace, a: TracedArray, *args: Any, **settings: Any) -> Any:
+        return diagonal(a, *args, **settings).sum(axis=-1)
+
+    return traced
+
+
+def _rearranging(function: Callable[..., Any]) -> Callable[..., Any]:
+    def rearranging(trace: Trace, a: TracedArray, *args: Any, **settings: Any) -> TracedArray:
+        return rearrange(_name(function), lambda numbers: function(numbers, *args, **settings), a)
+
+    return rearranging
+
+
+def _full(trace: Trace, a: TracedArray, fill_value: Any) -> TracedArray:
+    return apply_elementwise(trace, lambda _, value: value, a, fill_value)
+
+
+REARRANGING: tuple[Callable[..., Any], ...] = (
+    np.reshape,
+    np.ravel,
+    np.transpose,
+    np.matrix_transpose,
+    np.linalg.matrix_transpose,
+    np.swapaxes,
+    np.moveaxis,
+    np.expand_dims,
+    np.squeeze,
+    np.flip,
+    np.roll,
+    np.take,
+    np.repeat,
+    np.diagonal,
+    np.linalg.diagonal,
+    np.broadcast_to,
+)
+FUNCTIONS: dict[Callable[..., Any], Callable[..., Any]] = {
+    **{function: _rearranging(function) for function in REARRANGING},
+    np.shape: lambda trace, a: a.shape,
+    np.ndim: lambda trace, a: a.ndim,
+    np.size: lambda trace, a: a.size,
+    np.sum: _reduction(np.add),
+    np.prod: _reduction(np.multiply),
+    np.max: _reduction(np.maximum),
+    np.amax: _reduction(np.maximum),
+    np.min: _reduction(np.minimum),
+    np.amin: _reduction(np.minimum),
+    np.mean: _mean,
+    np.var: _variance,
+    np.std: _deviation,
+    np.ptp: _peak_to_peak,
+    np.all: _all,
+    np.any: _any,
+    np.cumsum: _accumulation(operator.add),
+    np.cumprod: _accumulation(operator.mul),
+    np.diff: _diff,
+    np.where: _where,
+    np.clip: _clip,
+    np.stack: _joining(np.stack),
+    np.concatenate: _joining(np.concatenate),
+    np.copy: lambda trace, a: a.copy(),
+    np.zeros_like: lambda trace, a: _full(trace, a, 0.0),
+    np.ones_like: lambda trace, a: _full(trace, a, 1.0),
+    np.full_like: _full,
+    np.dot: _dot,
+    np.cross: _cross,
+    np.linalg.cross: _cross,
+    np.einsum: _einsum,
+    np.trace: _trace(np.diagonal),
+    np.linalg.trace: _trace(np.linalg.diagonal),
+    np.linalg.norm: _norm,
+    np.linalg.det: _determinant,
+}

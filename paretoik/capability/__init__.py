@@ -3,6 +3,8 @@
 The public names stand in ``__init__.pyi`` and are loaded when they are first used.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from typing import Any
 

@@ -8,20 +8,167 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.arrays import Joints
-from paretoik.call_arguments import check_call
-from paretoik.capability.compiled import actuators
-from paretoik.capability.motor_curves import SHAPES, MotorCurve, MotorShape
-from paretoik.capability.rods import angle_range, broadcast, check_geometry
+from paretoik.arrays import Joints, read_only
+from paretoik.capability import actuator_kernels as actuators
 from paretoik.errors import InvalidInput
-from paretoik.inputs import check_instance, finite_number, shown
+from paretoik.inputs import check_call, check_choice, check_instance, finite_array, finite_number, real_array, shown
 from paretoik.robot.arm import Arm
 from paretoik.tables import field_representation, html_representation
+
+# Motor curves: how fast a motor may run at an effort.
+#
+# Source: Kim, Choi & Jang 2021, Eqs. 3 and 4. As printed no motion can keep them; read as diamonds they can be kept.
+
+
+MotorShape = Literal["diamond", "strip", "box"]
+SHAPES: tuple[MotorShape, ...] = get_args(MotorShape)
+
+
+@check_call
+@dataclass(frozen=True, init=False, eq=False)
+class MotorCurve:
+    """How fast motors may run at an effort, one motor a joint.
+
+    ``stall`` (dof,) is the effort they can bear at most [N m, N], inf for any, ``fastest`` (dof,) their highest speed
+    [rad/s, m/s]. With t = effort / stall and u = speed / fastest, ``shape`` says where they may be: "diamond" (Eqs. 3
+    and 4, their signs put right), where |t| + |u| ≤ 1; "strip", where t, u and t + u are between −1 and 1, so that a
+    motor which its load drives loses no speed; "box", where t and u are.
+
+    Raises InvalidInput for what no motor can be.
+
+    >>> MotorCurve(stall=[2.0], fastest=[3.0]).speeds(np.array([1.0]))
+    (array([-1.5]), array([1.5]))
+    """
+
+    stall: Float[np.ndarray, " dof"]
+    fastest: Float[np.ndarray, " dof"]
+    shape: MotorShape = "diamond"
+
+    __repr__ = field_representation
+    _repr_html_ = html_representation
+
+    def __init__(self, *, stall: object, fastest: object, shape: MotorShape = "diamond") -> None:
+        check_choice("motor curve: shape", shape, SHAPES)
+        efforts, speeds = (_positive(name, each) for name, each in (("stall", stall), ("fastest", fastest)))
+        if len(speeds) != len(efforts):
+            raise InvalidInput(f"motor curve: {len(efforts)} fastest wanted, one for each stall, got {len(speeds)}")
+        if not np.isfinite(speeds).all():
+            raise InvalidInput(f"motor curve: fastest wants finite speeds, got {speeds.tolist()}")
+        for name, value in (("stall", efforts), ("fastest", speeds), ("shape", shape)):
+            object.__setattr__(self, name, value)
+
+    def speeds(self, effort: Joints) -> tuple[Joints, Joints]:
+        """Return the lowest and highest speed at efforts (*batch, dof); NaN where they are more than ``stall``.
+
+        Raises InvalidInput for what is not of that shape.
+        """
+        try:
+            share = np.asarray(effort, dtype=float) / self.stall
+        except (TypeError, ValueError):
+            raise InvalidInput(f"motor curve: efforts (..., {len(self.stall)}) wanted, got {shown(effort)}") from None
+        high, low = (
+            np.maximum(0.0, 1.0 - np.abs(turned))
+            if self.shape == "diamond"
+            else np.clip(1.0 - turned, 0.0, 1.0)
+            if self.shape == "strip"
+            else np.ones_like(turned)
+            for turned in (share, -share)
+        )
+        bearable = np.abs(share) <= 1.0 + actuators.OPTIONS.overload
+        return np.where(bearable, -low * self.fastest, np.nan), np.where(bearable, high * self.fastest, np.nan)
+
+    def slacks(self, effort: Any, travel: Any, duration: Any = 1.0) -> Any:
+        """Return smooth numbers (*batch, dof, rows), four or six a motor, none negative where effort and travel fit.
+
+        Travel [rad, m] in the duration [s], a speed where that is 1. All may be complex numbers or expressions, so that
+        derivatives can be had exactly.
+        """
+        d, t, u = duration, effort / self.stall, travel / self.fastest
+        rows: tuple[Any, ...]
+        if self.shape == "diamond":
+            rows = (d * (1 - t) - u, d * (1 - t) + u, d * (1 + t) - u, d * (1 + t) + u)
+        elif self.shape == "strip":
+            rows = (d * (1 - t) - u, d * (1 + t) + u, d - u, d + u, 1 - t, 1 + t)
+        else:
+            rows = (d - u, d + u, 1 - t, 1 + t)
+        return np.stack(rows, axis=-1)
+
+
+def _positive(name: str, value: object) -> Float[np.ndarray, " dof"]:
+    """Return positive numbers, one a joint, inf among them; raise InvalidInput for what is none."""
+    numbers = np.atleast_1d(real_array(f"motor curve: {name} wants positive numbers, one a joint", value))
+    if numbers.ndim != 1 or not len(numbers) or not np.all(numbers > 0):
+        raise InvalidInput(f"motor curve: {name} wants positive numbers, one a joint, got {shown(value)}")
+    return read_only(numbers)
+
+
+# Rods between two sliders: what geometry they may have, and which angles they reach. See ``actuation``.
+
+
+def angle_range(rod: float, front: np.ndarray, back: np.ndarray, least_angle: float) -> tuple[float, float]:
+    """Return the least and largest θ that sliders within bounds give, toggles left out; raise InvalidInput for none.
+
+    cos θ = (c² − s² − s_b²) / (2 s s_b) rises along each slider until its square is that of the other less c², and
+    falls from there: it is least at a corner, and most at a corner or such a place.
+    """
+    places = [(s, b) for s in front for b in back]
+    for fixed, (low, high), turned in ((front, back, False), (back, front, True)):
+        tops = [np.clip(np.sqrt(max(one * one - rod * rod, 0.0)), low, high) for one in fixed]
+        places += [(b, s) if turned else (s, b) for s, b in zip(fixed, tops, strict=True)]
+    cosines = [(rod * rod - s * s - b * b) / (2 * s * b) for s, b in places]
+    ends = np.arccos(np.clip([max(cosines), min(cosines)], -1.0, 1.0))
+    fits = min(cosines) <= 1.0 and max(cosines) >= -1.0
+    low, high = max(float(ends[0]), least_angle), min(float(ends[1]), np.pi - least_angle)
+    if not fits or low > high:
+        raise InvalidInput(
+            f"distributed actuation: sliders that reach a rod's angle away from its toggles wanted, got front "
+            f"{front.tolist()} m and back {back.tolist()} m with a rod of {rod:g} m"
+        )
+    return low, high
+
+
+def broadcast(name: str, value: object, shape: tuple[int, ...]) -> np.ndarray:
+    """Return numbers broadcast to a shape, not to be written; raise InvalidInput, naming them, where they cannot be."""
+    numbers = finite_array(f"distributed actuation: {name}", value)
+    try:
+        array = np.broadcast_to(numbers, shape).copy()
+    except ValueError:
+        raise InvalidInput(f"distributed actuation: {name} wants shape {shape}, got {numbers.shape}") from None
+    return read_only(array)
+
+
+LONGEST = np.sqrt(np.finfo(float).max) / 4  # m: squares of lengths are numbers still
+
+
+def check_geometry(
+    *,
+    rod: np.ndarray,
+    zero: np.ndarray,
+    bend: np.ndarray,
+    least_angle: np.ndarray,
+    front_bounds: np.ndarray,
+    back_bounds: np.ndarray,
+) -> None:
+    """Raise InvalidInput, naming the joint (dof,), for lengths, bounds (dof, 2) and angles that cannot be."""
+
+    def refuse(wrong: np.ndarray, wish: str, fact: np.ndarray) -> None:
+        if wrong.any():
+            j = int(np.argmax(wrong))
+            raise InvalidInput(f"distributed actuation, joint {j + 1}: {wish}, got {fact[j].tolist()}")
+
+    refuse((rod <= 0) | (rod > LONGEST), f"a rod longer than 0 and of at most {LONGEST:g} m wanted", rod)
+    refuse(~np.isin(bend, (-1.0, 1.0)), "bend 1 or −1 wanted", bend)
+    refuse((least_angle <= 0) | (least_angle >= np.pi), "a least angle between 0 and π wanted", least_angle)
+    for name, pairs in (("front", front_bounds), ("back", back_bounds)):
+        wrong = (pairs[:, 0] <= 0) | (pairs[:, 0] > pairs[:, 1]) | (pairs[:, 1] > LONGEST)
+        refuse(wrong, f"{name} bounds 0 < lower ≤ upper wanted", pairs)
+    refuse(front_bounds[:, 1] > rod, "front sliders no farther than the rod is long wanted", front_bounds)
+
 
 LEAST_ROD_ANGLE = float(np.deg2rad(10.0))  # rad: nearer to 0 or π sliders hardly turn the joint, or hardly hold it
 

@@ -18,14 +18,13 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.capability.actuation import Actuation, DistributedActuation
-from paretoik.capability.compiled.actuators import gears
+from paretoik.capability.actuator_kernels import gears
 from paretoik.capability.joint_capability import Quantity, joint_speeds, torque_capacity
-from paretoik.capability.smooth_functions import SmoothTerm
-from paretoik.capability.term_rows import Lanes, LanesOf
-from paretoik.nlp.traced import AssembledRows, TracedRows, trace_rows
+from paretoik.capability.smooth_functions import Lanes, LanesOf, SmoothTerm
+from paretoik.nlp.dense.dense_program import AssembledRows, TracedRows, trace_rows
 from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arm import Arm
-from paretoik.robot.arm_inputs import TOOL_FRAME
+from paretoik.robot.body import TOOL_FRAME
 
 
 @dataclass(frozen=True, kw_only=True)

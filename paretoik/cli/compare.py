@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from paretoik.cli.console import JsonFlag, print_json, print_text, stdout_for_results
-from paretoik.run_files import PICTURE_MARK, check_target
+from paretoik.runs.files import PICTURE_MARK, check_target
 
 
 def compare(
@@ -29,8 +29,8 @@ def compare(
     """Compare the fronts of runs: hypervolume, coverage, additive epsilon, and the settings that differ."""
     with stdout_for_results():
         from paretoik.api.compare import compare as compare_fronts
-        from paretoik.execution.run_folder import check_other_folder, claim_folder
-        from paretoik.front.comparison_text import comparison_entries
+        from paretoik.front.comparison import comparison_entries
+        from paretoik.runs.folder import check_other_folder, claim_folder
 
         if picture is not None:
             check_target("picture", picture, overwrite=overwrite, mark=PICTURE_MARK)
@@ -43,7 +43,7 @@ def compare(
             with claim_folder(merge, overwrite=overwrite) as folder:
                 merged.save(folder)
         if picture is not None:
-            from paretoik.review.pictures.comparison_plots import comparison_picture
+            from paretoik.review.pictures.fronts import comparison_picture
 
             comparison_picture(comparison, picture)
     if as_json:

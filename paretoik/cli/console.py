@@ -2,23 +2,112 @@
 
 from __future__ import annotations
 
+import codecs
+import errno
 import json
 import os
+import select
 import sys
+import unicodedata
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stdout
+from io import BufferedWriter, FileIO, TextIOWrapper
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NoReturn, TypeAlias
 
 import typer
 from rich.console import Console
 from rich.text import Text
 
-from paretoik.cli.output import STDERR, STDOUT
-from paretoik.errors import SolverFailed
+from paretoik.errors import InvalidInput, SolverFailed
+from paretoik.paths import shell_command
+from paretoik.runs.files import RUN, is_run, problem_words, read_run
 
 if TYPE_CHECKING:
     from paretoik.front.front import Front
+
+# The process's stdout and stderr: what they refuse ends no command, and what they cannot encode is written plainly.
+
+
+PLAIN = str.maketrans(  # what no decomposition leads to
+    dict(zip("−–×·", "--x*", strict=True))
+    | {"ε": "eps", "χ": "chi", "π": "pi", "∂": "d", "≤": "<=", "≥": ">=", "°": " deg", "“": '"', "”": '"'}
+)
+STDIN, STDOUT, STDERR = 0, 1, 2  # descriptors of the process
+
+
+@contextmanager
+def process_output() -> Iterator[None]:
+    """Let the body write to the process's stdout and stderr whatever these are: full, closed, without letters or gone.
+
+    Raises InvalidInput at the end of a body that ends well, or with an exit, where stdout did not take all. Who reads
+    it may go at any time, though, and nobody reads one that is closed.
+    """
+    _open_missing_descriptors()
+    codecs.register_error("paretoik.plain", _plain_letters)
+    sys.stderr = _lenient(sys.stderr, sys.__stderr__, STDERR)
+    sys.stdout = _lenient(sys.stdout, sys.__stdout__, STDOUT)
+    try:
+        yield
+    except SystemExit:
+        _check_written(sys.stdout)
+        raise
+    _check_written(sys.stdout)
+
+
+class _LenientFile(FileIO):
+    """A descriptor whose refusals are remembered, not raised."""
+
+    fault: OSError | None = None  # the first
+
+    def write(self, content: Any) -> int:
+        """Write what the system takes, and drop what it refuses."""
+        try:
+            while (written := super().write(content)) is None:  # another process made it one that does not wait
+                select.select([], [self], [])
+        except OSError as fault:
+            self.fault = self.fault or fault
+            return len(content)
+        return written
+
+
+def _lenient(stream: Any, original: Any, descriptor: int) -> Any:
+    """Return a stream to a descriptor that never raises, in place of the process's own; others are left as they are."""
+    if stream is None:
+        return Path(os.devnull).open("w", encoding="utf-8")  # for the rest of the process
+    if stream is not original or not isinstance(stream, TextIOWrapper):
+        return stream
+    file = BufferedWriter(_LenientFile(descriptor, "wb", closefd=False))
+    return TextIOWrapper(
+        file, stream.encoding, "paretoik.plain", line_buffering=stream.line_buffering or descriptor == STDERR
+    )
+
+
+def _check_written(stream: Any) -> None:
+    """Have all written; raises InvalidInput where a reader who is still there did not get it."""
+    file = getattr(getattr(stream, "buffer", None), "raw", None)
+    if not isinstance(file, _LenientFile):
+        return
+    stream.flush()
+    if file.fault is not None and file.fault.errno != errno.EPIPE:
+        raise InvalidInput(f"stdout: wanted to print all that there is to say, got {file.fault.strerror}")
+
+
+def _open_missing_descriptors() -> None:
+    """Let descriptors that are closed lead nowhere: the next file that is opened would be printed into."""
+    for descriptor in (STDIN, STDOUT, STDERR):
+        try:
+            os.fstat(descriptor)
+        except OSError:  # the lowest that is free is what is opened next
+            os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)
+
+
+def _plain_letters(error: UnicodeError) -> tuple[str, int]:
+    assert isinstance(error, UnicodeEncodeError)
+    letters = unicodedata.normalize("NFKD", error.object[error.start : error.end])
+    plain = letters.translate(PLAIN).encode("ascii", "replace")
+    return plain.decode(), error.end
+
 
 JsonFlag = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 QuietFlag = Annotated[bool, typer.Option("--quiet", help="No progress.")]
@@ -59,7 +148,7 @@ def says_how_to_go_on(out: Path | None, time_limit: float | None = None) -> Iter
     try:
         yield
     except (KeyboardInterrupt, SystemExit, SolverFailed) as end:
-        from paretoik.api.run_text import resume_command
+        from paretoik.api.result_text import resume_command
 
         limited = not isinstance(end, SolverFailed) or time_limit is not None
         command = resume_command(out) if out is not None and limited else None
@@ -70,15 +159,14 @@ def says_how_to_go_on(out: Path | None, time_limit: float | None = None) -> Iter
 
 def print_json(value: object) -> None:
     """Print a result as strict JSON."""
-    from paretoik.run_files import to_json
+    from paretoik.runs.files import to_json
 
     print(json.dumps(to_json(value), indent=2, allow_nan=False))
 
 
 def finish_front(front: Front, out: Path, *, as_json: bool) -> NoReturn:
     """Print the front of a run that ended, as text or JSON, and exit with the code of what ended it."""
-    from paretoik.api.result_text import entries, result_text
-    from paretoik.api.run_text import resume_command
+    from paretoik.api.result_text import entries, result_text, resume_command
 
     if as_json:
         gaps = {"jumps": front.jumps, "missing_hypervolume": front.missing_hypervolume}
@@ -121,3 +209,60 @@ def _one_line(text: str) -> str:
 
 def _plain(line: str) -> str:
     return "".join(each if each.isprintable() else each.encode("unicode_escape").decode() for each in line)
+
+
+# The options that sub-commands share, each said once.
+
+
+SolverName: TypeAlias = Literal["auto", "interior-point", "sqp"]
+Problem = Annotated[str, typer.Argument(help="FILE.py:NAME or package.module:NAME", show_default=False)]
+RunProblem = Annotated[
+    str | None,
+    typer.Option(
+        "--problem",
+        help="The run's problem, whose file is run (on a terminal: what the run names, if you say yes).",
+        metavar="FILE.py:NAME",
+        show_default=False,
+    ),
+]
+OutFolder = Annotated[Path, typer.Option(help="Folder to keep the run in.", show_default=False)]
+Starts = Annotated[
+    int | None,
+    typer.Option(help="Starts for every degree of redundancy (up to 48, as many as pay).", show_default=False),
+]
+Seed = Annotated[int, typer.Option(help="Seed of all chance.")]
+SolverOption = Annotated[
+    SolverName, typer.Option(help="Interior points (smooth functions), SQP by Clarabel (any), or what suits.")
+]
+TimeLimit = Annotated[
+    float | None, typer.Option(help="Stop after so many seconds of computing and keep the result.", show_default=False)
+]
+Workers = Annotated[
+    int | None, typer.Option(help="Processes on this machine that compute (none: this one).", show_default=False)
+]
+ClusterAddress = Annotated[
+    str | None,
+    typer.Option(
+        "--cluster", help="Dask scheduler whose workers compute.", metavar="tcp://HOST:PORT", show_default=False
+    ),
+]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace a run in the folder, once there is a result.")]
+
+
+def agreed_problem(run: Path, problem: str | None, *, needed: bool = False) -> str | None:
+    """Return ``--problem``, or what a run names if the user agrees on a terminal to run its code, else None.
+
+    Raises InvalidInput, with the command that names it, if the problem is ``needed`` and nobody agreed.
+    """
+    reference = read_run(run / RUN).get("problem") if problem is None and is_run(run / RUN) else None
+    words = problem_words(reference)
+    if not words:
+        return problem
+    place = words[1].rpartition(":")[0]
+    code = Path.cwd() / place if place.endswith(".py") else place
+    if has_agreed(f"{run} is a run of {words[1]}. Run the code of {code}?"):
+        return words[1]
+    if needed:
+        command = shell_command("paretoik", *sys.argv[1:], *words)
+        raise InvalidInput(f"{run}: its problem wanted, whose file is run only if you name it, got none: {command}")
+    return None

@@ -7,8 +7,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from paretoik.cli.console import JsonFlag, RunFolder, print_json, print_text, stdout_for_results
-from paretoik.cli.options import RunProblem, agreed_problem
+from paretoik.cli.console import (
+    JsonFlag,
+    RunFolder,
+    RunProblem,
+    agreed_problem,
+    print_json,
+    print_text,
+    stdout_for_results,
+)
 from paretoik.errors import InvalidInput
 
 if TYPE_CHECKING:  # so that the command line starts quickly
@@ -61,7 +68,7 @@ def export(
     """
     with stdout_for_results():
         from paretoik.api.export import export as export_motion
-        from paretoik.api.plan_storage import holds_plan
+        from paretoik.api.result import holds_plan
         from paretoik.loading import load_value
 
         limits = load_value("controller", controller) if controller is not None and ":" in controller else controller
@@ -91,8 +98,8 @@ def export(
 
 def _point(run: Path, point: int | None, problem: str | None) -> tuple[int, Choice, dict[str, Any], str]:
     """Return a point of a front, or the present choice, what is said of it, and which it is where none was named."""
-    from paretoik.api.load_front import load_front
-    from paretoik.front.choices import pick_point
+    from paretoik.api.load import load_front
+    from paretoik.front.choice_tree import pick_point
 
     front = load_front(run, problem)
     choice = pick_point(front, point, name="--point")
@@ -106,8 +113,8 @@ def _point(run: Path, point: int | None, problem: str | None) -> tuple[int, Choi
 
 def _optimum(run: Path, point: int | None, problem: str | None) -> tuple[int, Motion, dict[str, Any], str]:
     """Return an optimum of a plan, or the best, what is said of it, and which it is; raises InvalidInput for none."""
-    from paretoik.api.load_plan import load_plan
-    from paretoik.run_files import RUN, read_run
+    from paretoik.api.load import load_plan
+    from paretoik.runs.files import RUN, read_run
 
     plan, id = load_plan(run, problem), 0 if point is None else point
     if not 0 <= id < len(plan.optima):

@@ -6,18 +6,22 @@ from typing import Annotated
 
 import typer
 
-from paretoik.api.progress_display import open_observer
-from paretoik.cli.console import JsonFlag, QuietFlag, finish_front, says_how_to_go_on, stdout_for_results
-from paretoik.cli.options import (
+from paretoik.api.progress import open_observer
+from paretoik.cli.console import (
     ClusterAddress,
+    JsonFlag,
     OutFolder,
     Overwrite,
     Problem,
+    QuietFlag,
     Seed,
     SolverOption,
     Starts,
     TimeLimit,
     Workers,
+    finish_front,
+    says_how_to_go_on,
+    stdout_for_results,
 )
 
 
@@ -46,7 +50,7 @@ def front(
         open_observer(not quiet, time_limit=time_limit) as observe,
     ):
         from paretoik.api.epsilon_front import epsilon_front
-        from paretoik.api.run_problem import named_problem
+        from paretoik.api.load import named_problem
 
         result = epsilon_front(
             named_problem(problem, time_limit=time_limit),

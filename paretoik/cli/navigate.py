@@ -8,12 +8,19 @@ from typing import Annotated
 import typer
 
 from paretoik.api.result_text import choice_text, entries
-from paretoik.cli.console import JsonFlag, RunFolder, print_json, print_text, stdout_for_results
-from paretoik.cli.options import RunProblem, agreed_problem
+from paretoik.cli.console import (
+    JsonFlag,
+    RunFolder,
+    RunProblem,
+    agreed_problem,
+    print_json,
+    print_text,
+    stdout_for_results,
+)
 from paretoik.front.front import Front
-from paretoik.front.provenance import NAVIGATIONS
-from paretoik.run_files import problem_words
-from paretoik.shell_command import shell_command
+from paretoik.front.points import NAVIGATIONS
+from paretoik.paths import shell_command
+from paretoik.runs.files import problem_words
 
 
 def navigate(

@@ -7,27 +7,25 @@ from typing import NoReturn
 
 import typer
 
-from paretoik.api.progress_display import open_observer
-from paretoik.api.run_text import optima_entries, plan_text, resume_command
+from paretoik.api.progress import open_observer
+from paretoik.api.result_text import optima_entries, plan_text, resume_command
 from paretoik.cli.console import (
-    JsonFlag,
-    QuietFlag,
-    exit_code,
-    print_json,
-    print_text,
-    says_how_to_go_on,
-    stdout_for_results,
-)
-from paretoik.cli.options import (
     ClusterAddress,
+    JsonFlag,
     OutFolder,
     Overwrite,
     Problem,
+    QuietFlag,
     Seed,
     SolverOption,
     Starts,
     TimeLimit,
     Workers,
+    exit_code,
+    print_json,
+    print_text,
+    says_how_to_go_on,
+    stdout_for_results,
 )
 from paretoik.trajectory.plan import Plan
 
@@ -54,8 +52,8 @@ def plan(
         says_how_to_go_on(out, time_limit),
         open_observer(not quiet, time_limit=time_limit) as observe,
     ):
+        from paretoik.api.load import named_problem
         from paretoik.api.plan import plan as find_plan
-        from paretoik.api.run_problem import named_problem
 
         loaded = named_problem(problem, time_limit=time_limit)
         result = find_plan(

@@ -9,10 +9,9 @@ from typing import Any
 
 from paretoik.errors import InvalidInput
 from paretoik.front.choice import Preference
-from paretoik.front.choices import present_point, read_choices
-from paretoik.front.compromise import Compromise
+from paretoik.front.choice_tree import present_point, read_choices
 from paretoik.front.preferences import Aspiration, Bounds, Classify, Knee, Lexicographic, Robust, Weights
-from paretoik.front.preferences.point import Point
+from paretoik.front.preferences.compromise import Compromise, Point
 from paretoik.inputs import clipped, likely_spelling, shown
 
 CLASSES = "improve, improve:VALUE, keep, relax:VALUE or free"

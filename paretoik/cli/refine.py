@@ -4,17 +4,22 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from paretoik.api.progress_display import open_observer
-from paretoik.cli.console import JsonFlag, QuietFlag, RunFolder, finish_front, says_how_to_go_on, stdout_for_results
-from paretoik.cli.options import (
+from paretoik.api.progress import open_observer
+from paretoik.cli.console import (
     ClusterAddress,
+    JsonFlag,
     OutFolder,
     Overwrite,
+    QuietFlag,
+    RunFolder,
     RunProblem,
     SolverOption,
     TimeLimit,
     Workers,
     agreed_problem,
+    finish_front,
+    says_how_to_go_on,
+    stdout_for_results,
 )
 from paretoik.errors import InvalidInput
 from paretoik.front.front import Front
@@ -59,7 +64,7 @@ def refine(
 
 def _open(run: Path, problem: str | None) -> Front:
     """Return the front of a run with its problem; raises InvalidInput if there is none."""
-    from paretoik.api.load_front import load_front
+    from paretoik.api.load import load_front
 
     front = load_front(run, problem)
     if problem is None:

@@ -7,8 +7,15 @@ from typing import Annotated
 
 import typer
 
-from paretoik.cli.console import JsonFlag, RunFolder, print_json, print_text, stdout_for_results
-from paretoik.cli.options import RunProblem, agreed_problem
+from paretoik.cli.console import (
+    JsonFlag,
+    RunFolder,
+    RunProblem,
+    agreed_problem,
+    print_json,
+    print_text,
+    stdout_for_results,
+)
 
 
 def report(

@@ -6,12 +6,23 @@ from typing import Annotated
 
 import typer
 
-from paretoik.api.progress_display import open_observer
-from paretoik.cli.console import JsonFlag, QuietFlag, RunFolder, finish_front, says_how_to_go_on, stdout_for_results
-from paretoik.cli.options import ClusterAddress, RunProblem, TimeLimit, Workers, agreed_problem
+from paretoik.api.progress import open_observer
+from paretoik.cli.console import (
+    ClusterAddress,
+    JsonFlag,
+    QuietFlag,
+    RunFolder,
+    RunProblem,
+    TimeLimit,
+    Workers,
+    agreed_problem,
+    finish_front,
+    says_how_to_go_on,
+    stdout_for_results,
+)
 from paretoik.cli.plan import finish_plan
 from paretoik.front.front import Front
-from paretoik.run_files import RUN, read_run
+from paretoik.runs.files import RUN, read_run
 
 
 def resume(

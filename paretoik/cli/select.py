@@ -9,11 +9,20 @@ from typing import Annotated
 
 import typer
 
-from paretoik.api.progress_display import open_observer
-from paretoik.cli.console import JsonFlag, QuietFlag, RunFolder, exit_code, print_json, print_text, stdout_for_results
-from paretoik.cli.options import RunProblem, agreed_problem
+from paretoik.api.progress import open_observer
+from paretoik.cli.console import (
+    JsonFlag,
+    QuietFlag,
+    RunFolder,
+    RunProblem,
+    agreed_problem,
+    exit_code,
+    print_json,
+    print_text,
+    stdout_for_results,
+)
 from paretoik.errors import InvalidInput
-from paretoik.run_files import PICTURE_MARK, check_target
+from paretoik.runs.files import PICTURE_MARK, check_target
 
 NUMBERS = "NAME=NUMBER,NAME=NUMBER"
 
@@ -100,7 +109,7 @@ def select(
     with stdout_for_results():
         if picture is not None:
             check_target("picture", picture, overwrite=overwrite, mark=PICTURE_MARK)
-        from paretoik.api.load_front import load_front
+        from paretoik.api.load import load_front
         from paretoik.api.result_text import choice_entry, choice_text
         from paretoik.api.select import select as select_point
         from paretoik.cli.preference_arguments import read_preference
@@ -110,7 +119,7 @@ def select(
         with open_observer(not quiet) as observe:
             selected, choice = select_point(front, preference, out=out, overwrite=overwrite, observe=observe or False)
         if picture is not None:
-            from paretoik.review.pictures.plots import front_picture
+            from paretoik.review.pictures.fronts import front_picture
 
             front_picture(selected, picture, choice)
     if as_json:
@@ -123,8 +132,8 @@ def select(
 
 def _show_history(run: Path, wishes: Mapping[str, object], *, undo: bool, problem: str | None, as_json: bool) -> None:
     """Print the choices kept in a run, after going back by one where told; raises InvalidInput beside a preference."""
-    from paretoik.front.choices import read_choices
-    from paretoik.run_files import RUN, read_run
+    from paretoik.front.choice_tree import read_choices
+    from paretoik.runs.files import RUN, read_run
 
     if wishes:
         raise InvalidInput(f"select: wanted --history and --undo without a preference, got --{next(iter(wishes))} too")

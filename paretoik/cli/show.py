@@ -8,12 +8,10 @@ from typing import Annotated
 
 import typer
 
-from paretoik.cli.console import RunFolder
-from paretoik.cli.options import RunProblem, agreed_problem
+from paretoik.cli.console import RunFolder, RunProblem, agreed_problem
 from paretoik.errors import InvalidInput
-from paretoik.missing_files import missing_file
-from paretoik.run_files import DRAWING, RECORDING, RUN, is_run, read_run
-from paretoik.shell_command import shell_command
+from paretoik.paths import missing_file, shell_command
+from paretoik.runs.files import DRAWING, RECORDING, RUN, is_run, read_run
 
 
 def show(
@@ -53,15 +51,15 @@ def _with_choice(
     run: Path, recording: Path, file: Path, point: int | None, compare: int | None, problem: str | None
 ) -> Path:
     """Return the recording where no point is asked for or chosen; else write one that opens on it, and return that."""
-    from paretoik.front.choices import read_choices
+    from paretoik.front.choice_tree import read_choices
 
     if point is None and compare is None and read_choices(run).chosen is None:
         return recording
-    from paretoik.api.load_front import load_front
+    from paretoik.api.load import load_front
     from paretoik.formulations.protocol import is_loop
-    from paretoik.front.choices import pick_point
-    from paretoik.front.compromise import compromise
-    from paretoik.review.drawing.chosen_recording import recording_with_choice
+    from paretoik.front.choice_tree import pick_point
+    from paretoik.front.preferences.compromise import compromise
+    from paretoik.review.drawing.choice_layer import recording_with_choice
 
     front = load_front(run, agreed_problem(run, problem))
     if is_loop(front):

@@ -6,9 +6,21 @@ from typing import Annotated
 
 import typer
 
-from paretoik.api.progress_display import open_observer
-from paretoik.cli.console import JsonFlag, QuietFlag, finish_front, says_how_to_go_on, stdout_for_results
-from paretoik.cli.options import ClusterAddress, OutFolder, Overwrite, Problem, SolverName, TimeLimit, Workers
+from paretoik.api.progress import open_observer
+from paretoik.cli.console import (
+    ClusterAddress,
+    JsonFlag,
+    OutFolder,
+    Overwrite,
+    Problem,
+    QuietFlag,
+    SolverName,
+    TimeLimit,
+    Workers,
+    finish_front,
+    says_how_to_go_on,
+    stdout_for_results,
+)
 
 
 def solve(
@@ -57,7 +69,7 @@ def solve(
         says_how_to_go_on(out, time_limit),
         open_observer(not quiet, time_limit=time_limit) as observe,
     ):
-        from paretoik.api.run_problem import named_problem
+        from paretoik.api.load import named_problem
         from paretoik.api.solve import solve as solve_problem
 
         front = solve_problem(

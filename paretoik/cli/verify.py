@@ -6,17 +6,18 @@ from dataclasses import asdict
 
 import typer
 
-from paretoik.api.progress_display import open_observer
+from paretoik.api.progress import open_observer
 from paretoik.cli.console import (
     NOT_VERIFIED,
     JsonFlag,
     QuietFlag,
     RunFolder,
+    RunProblem,
+    agreed_problem,
     print_json,
     print_text,
     stdout_for_results,
 )
-from paretoik.cli.options import RunProblem, agreed_problem
 
 
 def verify(run: RunFolder, problem: RunProblem = None, quiet: QuietFlag = False, as_json: JsonFlag = False) -> None:

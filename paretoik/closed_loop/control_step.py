@@ -13,9 +13,9 @@ from paretoik.closed_loop.objectives import Step
 from paretoik.closed_loop.workspace import OPTIONS
 from paretoik.errors import Infeasible
 from paretoik.robot.kinematics import link_nodes
-from paretoik.task.distances import clearance
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
+from paretoik.task.obstacles import clearance
 from paretoik.task.retraction import task_errors
 
 HISTORY = 3  # configurations before a step: enough for a jerk

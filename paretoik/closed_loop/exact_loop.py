@@ -14,8 +14,7 @@ from jaxtyping import Float
 from paretoik.closed_loop.control_step import StepState, reach_by_joint
 from paretoik.closed_loop.loop import required_standoff, step_limits
 from paretoik.closed_loop.null_space_steps import PlanarSteps
-from paretoik.closed_loop.obstacle_tables import tabulate, tabulate_balls
-from paretoik.closed_loop.programs import trace_nodes
+from paretoik.closed_loop.programs import tabulate, tabulate_balls, trace_nodes
 from paretoik.closed_loop.workspace import OPTIONS as ENGINE
 from paretoik.closed_loop.workspace import StepConstraints, StepStart, allocate
 from paretoik.errors import Infeasible, InvalidInput

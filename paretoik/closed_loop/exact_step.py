@@ -22,8 +22,8 @@ from paretoik.closed_loop.null_space_steps import (
 )
 from paretoik.closed_loop.obstacle_cuts import bound_polygon, clear_step, cut_cell, may_be_clear
 from paretoik.closed_loop.step_cells import ADMISSIBLE, BOUND, contains, halve, lower_bound, model, place_region
-from paretoik.compilation import compiled
-from paretoik.compilation_references import refer
+from paretoik.compilation.array_tuples import refer
+from paretoik.compilation.numba_cache import compiled
 
 
 @compiled(what="the exact control step", seconds=20)

@@ -19,7 +19,7 @@ from paretoik.closed_loop.control_step import (
 from paretoik.closed_loop.step_evolution import Generations, Population, StepEvolution
 from paretoik.closed_loop.workspace import OPTIONS, EngineOptions
 from paretoik.errors import Infeasible
-from paretoik.nlp.linear_program import furthest
+from paretoik.nlp.convex_programs import furthest
 from paretoik.task.limits import Bounds
 from paretoik.task.motion_task import MotionTask
 

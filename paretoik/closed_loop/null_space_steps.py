@@ -13,7 +13,7 @@ import numpy as np
 
 from paretoik.closed_loop.admissible_steps import find_inadmissible
 from paretoik.closed_loop.workspace import EngineOptions, StepConstraints, StepStart, Workspace
-from paretoik.compilation import compiled
+from paretoik.compilation.numba_cache import compiled
 
 
 class PlanarSteps(NamedTuple):

@@ -11,13 +11,11 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
-from paretoik.inputs import check_flag, check_function, check_text, shown
+from paretoik.inputs import check_call, check_flag, check_function, check_text, function_name, shown
 from paretoik.tables import html_representation
 from paretoik.task.motion import Motion
 from paretoik.task.objectives import Objective
-from paretoik.user_functions import function_name
 
 if TYPE_CHECKING:
     MotionLike: TypeAlias = Motion

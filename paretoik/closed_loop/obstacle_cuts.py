@@ -10,12 +10,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from paretoik.closed_loop.admissible_steps import excess_at
+from paretoik.closed_loop.admissible_steps import evaluate_distances, excess_at
 from paretoik.closed_loop.null_space_steps import clip, configure
-from paretoik.closed_loop.obstacle_distances import evaluate_distances
 from paretoik.closed_loop.obstacle_witnesses import witness
 from paretoik.closed_loop.step_cells import ADMISSIBLE
-from paretoik.compilation import compiled
+from paretoik.compilation.numba_cache import compiled
 
 
 @compiled

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from paretoik.closed_loop.obstacle_tables import AXES, FIRST, KIND, POINT, RADIUS, SECOND, SEGMENT
-from paretoik.compilation import compiled
+from paretoik.closed_loop.programs import AXES, FIRST, KIND, POINT, RADIUS, SECOND, SEGMENT
+from paretoik.compilation.numba_cache import compiled
 
 
 @compiled

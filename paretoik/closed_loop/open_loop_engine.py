@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from paretoik.autodiff.interpreter import run_first
-from paretoik.compilation import compiled
-from paretoik.search.compiled.random_streams import next_bits, seed_stream, uniform, upper_integer
-from paretoik.search.compiled.sorted_points import merge_sort
+from paretoik.compilation.numba_cache import compiled
+from paretoik.search.offspring import next_bits, seed_stream, uniform, upper_integer
+from paretoik.search.sorted_points import merge_sort
 
 
 @compiled(what="the search for a start posture", seconds=5)

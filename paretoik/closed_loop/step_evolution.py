@@ -20,7 +20,7 @@ from paretoik.closed_loop.workspace import (
     Workspace,
     allocate,
 )
-from paretoik.journal import is_journalled, key_of, remembered
+from paretoik.runs.journal import is_journalled, key_of, remembered
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from copy import copy
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NoReturn
 
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.call_arguments import check_call
+from paretoik.arrays import Objectives
 from paretoik.closed_loop.control_step import HISTORY, StepState
 from paretoik.closed_loop.loop import StepRecord, state_before, take_steps
 from paretoik.closed_loop.objectives import StepObjective, joint_displacement, position_error
@@ -19,7 +20,8 @@ from paretoik.closed_loop.open_loop import search_start
 from paretoik.closed_loop.programs import StepPrograms, trace_step
 from paretoik.closed_loop.step_evolution import StepEvolution
 from paretoik.errors import InvalidInput
-from paretoik.formulations.closed_loop_arguments import (
+from paretoik.formulations.control_step import (
+    ControlStep,
     check_even,
     check_limits,
     check_longest_step,
@@ -28,22 +30,108 @@ from paretoik.formulations.closed_loop_arguments import (
     check_steps,
     normalise_weights,
 )
-from paretoik.formulations.closed_loop_result import ClosedLoopRun, explain_choice, mean_position_error
-from paretoik.formulations.control_step import ControlStep
 from paretoik.formulations.formulation import loop_text
 from paretoik.formulations.protocol import Timeline
-from paretoik.front.front import Choice, Front, Preference
+from paretoik.front.choice import Choice, Preference
+from paretoik.front.front import Front
 from paretoik.front.preferences import Weights
-from paretoik.inputs import check_flag, check_seed, check_size, shown
+from paretoik.inputs import check_call, check_flag, check_seed, check_size, shown
 from paretoik.robot.arm import Arm
-from paretoik.search.seeding import SMALLEST_POPULATION
+from paretoik.search.genes import SMALLEST_POPULATION
 from paretoik.tables import html_representation
 from paretoik.task.limits import Limits
-from paretoik.task.motion_task_validation import motion_task
-from paretoik.task.objectives import Objective, joint_drift
+from paretoik.task.motion import Motion
+from paretoik.task.motion_task import MotionTask
+from paretoik.task.objectives import AnyMotion, AnyValues, Objective, joint_drift, objective
 from paretoik.task.obstacles import Obstacle
 from paretoik.task.path import Path
 from paretoik.task.task import Task
+from paretoik.task.validation import motion_task
+
+# The result of a closed loop: the motion, every step's choice, and what it is as a front.
+
+
+@objective(unit="m", form="general")
+def mean_position_error(motion: AnyMotion) -> AnyValues:
+    """Mean over the steps of the distance of the tool from its target. Source: Marcos et al. 2012, Eq. 23."""
+    return motion.position_error[..., 1:].mean(axis=-1)  # Eq. 23
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ClosedLoopRun:
+    """What a closed loop did: ``q`` (time, dof), and of each step its choice.
+
+    ``F`` (steps, n_obj) are the objectives of the choices, minimised, ``ranges`` (steps, n_obj, 2) the smallest and
+    largest on each step's front, ``fronts`` the records of the steps that were asked for, by sample, some with their
+    generations, ``digests`` those of the state on the way. Where the loop was stopped early, ``q`` ends there.
+    """
+
+    loop: ClosedLoop
+    q: Float[np.ndarray, "time dof"]
+    F: Objectives
+    ranges: Float[np.ndarray, "steps n_obj 2"]
+    fronts: Mapping[int, StepRecord]
+    digests: tuple[str, ...]
+
+    @cached_property
+    def task(self) -> MotionTask:
+        """The task up to the last step that was taken."""
+        return self.loop.task.truncate(len(self.q))
+
+    @cached_property
+    def motion(self) -> Motion:
+        """The motion, on its samples."""
+        return self.task.motion(self.q)
+
+    @cached_property
+    def position_error(self) -> float:
+        """Mean over the steps of the distance [m] of the tool from its target (Eq. 23)."""
+        return float(mean_position_error(self.motion))
+
+    @cached_property
+    def drift(self) -> float:
+        """Distance of the last configuration from the first, over the number of joints [rad] (Eq. 25)."""
+        return float(joint_drift(self.motion))
+
+    @property
+    def values(self) -> Objectives:
+        """The objectives of the choices (steps, n_obj), in their own sign."""
+        return self.F * self.loop.signs
+
+    def front(self, provenance: Mapping[str, Any]) -> Front:
+        """Return the motion as a front of one point: the mean over the steps of every objective."""
+        loop, motions = self.loop, self.task.motion(self.q[None])
+        return Front(
+            ids=np.zeros(1, dtype=np.int64),
+            objectives=self.values.mean(axis=0, keepdims=True),
+            names=loop.names,
+            units=[each.unit for each in loop.objectives],
+            maximised=[each.maximise for each in loop.objectives],
+            motions=motions,
+            violation=np.maximum(self.task.violations(motions).max(axis=1, initial=0.0), 0.0),
+            problem=loop,
+            provenance={
+                **provenance,
+                "timeline": loop.timeline,
+                "position_error": self.position_error,
+                "drift": self.drift,
+            },
+        )
+
+
+def explain_choice(front: Front) -> Choice:
+    """Return the one motion of a closed loop's front, and in words how its steps were chosen."""
+    weights = ", ".join(f"{name} {weight:.0%}" for name, weight in front.provenance["settings"]["weights"].items())
+    means = [front.quantity(axis, value) for axis, value in enumerate(front.objectives[0])]
+    error = f"{front.provenance['position_error']:.4g} m"
+    if f"position_error {error}" not in means:  # the objective of that name says the same
+        means.append(f"position error {error}")
+    return front.choice(
+        0,
+        f"At every step the point with the least weighted sum ({weights}) was taken. Means over the steps: "
+        f"{', '.join(means)}. Joint drift {front.provenance['drift']:.4g} rad.",
+    )
+
 
 DIGEST_INTERVAL = 100  # steps from one digest of the state to the next
 ASKED_BY_PYMOO = ("vars", "vtype", "xl", "xu", "bounds", "has_bounds", "n_ieq_constr", "n_eq_constr")

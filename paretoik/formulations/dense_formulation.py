@@ -3,24 +3,109 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from paretoik.arrays import Genes, Points, Values
 from paretoik.capability.actuation import Actuation, DistributedActuation
+from paretoik.capability.smooth_functions import LanesOf, TermRows, constraint_terms, objective_term, smooth_term
 from paretoik.errors import InvalidInput
 from paretoik.formulations.formulation import Formulation
-from paretoik.formulations.interpolation import possible_values
+from paretoik.formulations.motions import possible_values
 from paretoik.formulations.navigation import navigate, predict
 from paretoik.formulations.protocol import Individuals, decode
 from paretoik.front.front import Front
+from paretoik.nlp.dense.dense_program import AssembledRows
 from paretoik.nlp.program import Program, Solver
-from paretoik.pareto.cold_search import OPTIONS as COLD
-from paretoik.pareto.cold_search import StartSearch
-from paretoik.pareto.scalarisation import Observe
+from paretoik.pareto.scalarisation import COLD_OPTIONS as COLD
+from paretoik.pareto.scalarisation import Observe, StartSearch
+from paretoik.robot.arm import Arm
+from paretoik.task.limits import Constraint
 from paretoik.task.motion import Motion
-from paretoik.task.motion_task import MotionTask
+from paretoik.task.motion_task import MotionTask, evaluate_motions, require_values
+from paretoik.task.objectives import Objective, joint_travel
+from paretoik.task.path import Path
+from paretoik.task.validation import motion_task
+
+# Users' own objectives and constraints in formulations whose program is small and dense.
+
+
+def function_task(
+    arm: Arm, path: Path, objectives: Sequence[Objective], constraints: Sequence[Constraint]
+) -> MotionTask:
+    """Return an arm with users' functions of motions that have as many samples as a path, all checked; no limits.
+
+    Raises InvalidInput, naming the function, for what is none.
+    """
+    checked = motion_task(arm, path, objectives=objectives or [joint_travel], constraints=constraints, redundant=False)
+    return replace(checked, arm=arm, objectives=tuple(objectives), bounds={})
+
+
+def read_times(task: MotionTask, motions: Motion) -> bool:
+    """Return whether an objective or constraint of motions changes where some of it takes longer than the rest.
+
+    What a function does not see of motions at their pace, a limit on rates for one, it may see at others. Raises
+    EvaluationFailed where functions have no values.
+    """
+    require_values(task, motions)
+    shares = motions.time / motions.duration[:, None]
+    for pace in (0.1, 1.0, 10.0):
+        time = pace * motions.time
+        before, after = (
+            np.hstack(evaluate_motions(task, replace(motions, time=each))[:2]) for each in (time, time * (1 + shares))
+        )
+        if not np.allclose(before, after, rtol=1e-9, atol=0, equal_nan=True):
+            return True
+    return False
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class WholeProgram:
+    """The rows and costs of a formulation with users' functions of a ``task`` among them.
+
+    ``base`` and ``base_costs`` are without them; ``lanes`` says how their motions follow from its unknowns, ``near``
+    are some of these motions. They have times of their own where there are ``intervals``, unknowns in units of ``pace``
+    [s].
+    """
+
+    base: AssembledRows
+    base_costs: Float[np.ndarray, "objectives unknowns"]
+    task: MotionTask
+    near: Motion
+    lanes: LanesOf
+    intervals: Int[np.ndarray, " intervals"]
+    pace: float = 1.0
+
+    @cached_property
+    def own(self) -> TermRows:
+        """The unknowns and rows of users' functions."""
+        task = self.task
+        sizes = [float(np.median(np.abs(each(self.near)))) or 1.0 for each in task.objectives]
+        terms = [objective_term(each, size) for each, size in zip(task.objectives, sizes, strict=True)]
+        terms += [term for each in task.constraints for term in constraint_terms(each)]
+        own_times = len(self.intervals) > 0
+        return TermRows(
+            terms=tuple(smooth_term(term, task, self.near, own_times=own_times) for term in terms),
+            samples=len(task.times),
+            first=self.base.unknowns,
+            intervals=self.intervals,
+            pace=self.pace,
+        )
+
+    @cached_property
+    def rows(self) -> AssembledRows:
+        """All rows."""
+        return AssembledRows(unknowns=self.own.unknowns, parts=(*self.base.parts, *self.own.parts(self.lanes)))
+
+    @cached_property
+    def costs(self) -> Float[np.ndarray, "n_obj unknowns"]:
+        """The gradients of all objectives, minimised."""
+        extra = self.own.unknowns - self.base.unknowns
+        return np.concatenate([np.pad(self.base_costs, ((0, 0), (0, extra))), self.own.costs])
+
 
 OBJECTIVE_TOLERANCE = 1e-6  # of an objective's size over all points: what genes may miss it by
 

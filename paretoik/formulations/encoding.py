@@ -11,9 +11,9 @@ from scipy.interpolate import BSpline
 from paretoik.arrays import Genes, JointPaths
 from paretoik.errors import InvalidInput
 from paretoik.inputs import check_size
-from paretoik.robot.scales import joint_scales
-from paretoik.self_motion.charts import Charts, build_charts
+from paretoik.robot.kinematics import joint_scales
 from paretoik.task.motion_task import MotionTask
+from paretoik.task.self_motion import Charts, build_charts
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,18 +12,18 @@ from scipy.interpolate import BSpline
 from paretoik.arrays import JointPaths
 from paretoik.capability.actuation import Actuation, DistributedActuation
 from paretoik.capability.joint_capability import joint_speeds, overload_error
-from paretoik.capability.posture_samples import restrict_to_rods, sample_holdable_postures
-from paretoik.capability.timing import minimum_timing
+from paretoik.capability.point_to_point_program import minimum_timing
+from paretoik.capability.postures import restrict_to_rods, sample_holdable_postures
 from paretoik.errors import Infeasible, OutOfReach
 from paretoik.formulations.dense_formulation import front_sliders, slider_shares
 from paretoik.robot.arm import Arm
 from paretoik.robot.dynamics import gravity_torques
-from paretoik.self_motion.motion_starts import rollout_starts, travelling_starts
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.motion_task_validation import motion_task
 from paretoik.task.objectives import joint_travel
-from paretoik.task.path_shapes import line, waypoints
+from paretoik.task.path import line, waypoints
 from paretoik.task.retraction import retract, task_errors
+from paretoik.task.starts import rollout_starts, travelling_starts
+from paretoik.task.validation import motion_task
 
 
 @dataclass(frozen=True, kw_only=True)

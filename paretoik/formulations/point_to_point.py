@@ -18,25 +18,28 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import Genes, JointPaths
-from paretoik.call_arguments import check_call
 from paretoik.capability.actuation import Actuation, DistributedActuation, check_actuation
-from paretoik.capability.point_to_point_program import PointToPointProgram
-from paretoik.capability.posture_samples import stationary_task
-from paretoik.capability.timing import Timing, minimum_timing, require_weight
+from paretoik.capability.point_to_point_program import PointToPointProgram, Timing, minimum_timing, require_weight
+from paretoik.capability.postures import stationary_task
 from paretoik.errors import InvalidInput
-from paretoik.formulations.dense_formulation import DenseFormulation, front_sliders, slider_shares
+from paretoik.formulations.dense_formulation import (
+    DenseFormulation,
+    WholeProgram,
+    front_sliders,
+    function_task,
+    read_times,
+    slider_shares,
+)
 from paretoik.formulations.formulation import of_genes
 from paretoik.formulations.initial_paths import InitialPaths, find_initial_paths
-from paretoik.formulations.own_functions import WholeProgram, function_task, read_times
-from paretoik.inputs import check_flag, check_size, finite_array, read_list
-from paretoik.nlp.dense import DenseProgram
+from paretoik.inputs import check_call, check_flag, check_size, finite_array, read_list
+from paretoik.nlp.dense.dense_program import DenseProgram
 from paretoik.robot.arm import Arm
-from paretoik.task.evaluation import evaluate_motions
 from paretoik.task.limits import LIMIT_TOLERANCE, Constraint
 from paretoik.task.motion import Motion
-from paretoik.task.motion_task import MotionTask
+from paretoik.task.motion_task import MotionTask, evaluate_motions
 from paretoik.task.objectives import Objective
-from paretoik.task.path_shapes import line
+from paretoik.task.path import line
 from paretoik.task.retraction import ON_PATH_TOLERANCE
 
 

@@ -9,25 +9,24 @@ from typing import Any
 import numpy as np
 
 from paretoik.arrays import Genes
-from paretoik.call_arguments import check_call
 from paretoik.closed_loop.control_step import rotation_rows
 from paretoik.closed_loop.open_loop import posture_bounds
 from paretoik.errors import InvalidInput
-from paretoik.formulations.closed_loop_arguments import check_limits
+from paretoik.formulations.control_step import check_limits
 from paretoik.formulations.formulation import Formulation, check_motions, of_genes
-from paretoik.inputs import read_list
+from paretoik.inputs import check_call, read_list
 from paretoik.robot.arm import Arm
 from paretoik.search.nsga2 import MaxiMinNSGA2
-from paretoik.search.row_operators import elitist_algorithm
-from paretoik.task.evaluation import evaluate_motions, examine_functions
+from paretoik.search.operators import elitist_algorithm
 from paretoik.task.limits import Constraint, Limits
 from paretoik.task.motion import Motion
-from paretoik.task.motion_task_validation import motion_task
+from paretoik.task.motion_task import evaluate_motions, examine_functions
 from paretoik.task.objectives import Objective, joint_travel
 from paretoik.task.obstacles import Obstacle
 from paretoik.task.path import Path
 from paretoik.task.retraction import task_errors
 from paretoik.task.task import Task
+from paretoik.task.validation import motion_task
 from paretoik.trajectory.infeasibility import explain_violation
 
 

@@ -38,7 +38,7 @@ all of ``Differentiable``                ``refine``, ``epsilon_front`` and certi
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeAlias, runtime_checkable
 
@@ -47,18 +47,19 @@ from jaxtyping import Float
 
 from paretoik.arrays import Genes, JointPaths, Objectives, Points
 from paretoik.errors import InvalidInput
-from paretoik.front.front import Front, Preference
-from paretoik.front.provenance import ADDED_SAMPLES
+from paretoik.front.choice import Preference
+from paretoik.front.front import Front
+from paretoik.front.points import ADDED_SAMPLES, check_names
+from paretoik.inputs import user_function
 from paretoik.task.limits import LIMIT_TOLERANCE
-from paretoik.user_functions import user_function
 
-if TYPE_CHECKING:  # so that loading a problem stays quick
+if TYPE_CHECKING:
     from paretoik.nlp.program import Program, Solver
     from paretoik.pareto.certificates import Discretisation
-    from paretoik.pareto.cold_search import ColdSearch
-    from paretoik.pareto.scalarisation import Observe
+    from paretoik.pareto.scalarisation import ColdSearch, Observe
     from paretoik.task.motion import Motion
     from paretoik.task.motion_task import MotionTask
+    from paretoik.trajectory.plan import Plan
 
 Timeline: TypeAlias = Literal["generation", "step", "level", "refinement"]
 """What a run counts: generations of a search, steps of a closed loop, levels of ε, a front's refinement."""
@@ -240,3 +241,35 @@ def explain_violation(problem: Any, genes: Genes, violation: np.ndarray) -> tupl
 def reweigh(problem: Any, front: Front, preference: Preference) -> Any:
     """Return the formulation to solve anew for a preference, None where the front has its answer."""
     return problem.reweigh(front, preference) if hasattr(problem, "reweigh") else None
+
+
+# What verbs require of a problem: others are refused by name, before any work.
+
+
+def require_program(verb: str, problem: Any) -> Differentiable:
+    """Return a formulation that has gradients; raise InvalidInput, naming the verb, for others."""
+    timeline(problem)
+    if isinstance(problem, type) or not hasattr(problem, "program"):
+        raise InvalidInput(
+            f"{verb}: a problem with gradients wanted, such as Tracking, got {type(problem).__name__}, which offers no "
+            "program()"
+        )
+    formulation: Differentiable = problem
+    check_names(formulation.names, formulation.units)
+    return formulation
+
+
+def require_plan(problem: Any) -> Callable[..., Plan]:
+    """Return how a formulation plans its one objective; raise InvalidInput for others."""
+    names = require_program("plan", problem).names
+    if not hasattr(problem, "plan"):
+        raise InvalidInput(
+            f"plan: a Tracking wanted, got {type(problem).__name__}; epsilon_front or solve finds its front"
+        )
+    if len(names) != 1:
+        raise InvalidInput(
+            f"plan: one objective wanted, got {len(names)}: {', '.join(names)}; epsilon_front (paretoik front) finds "
+            "their front"
+        )
+    find: Callable[..., Plan] = problem.plan
+    return find

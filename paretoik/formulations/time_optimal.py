@@ -8,13 +8,11 @@ from dataclasses import KW_ONLY, dataclass
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.call_arguments import check_call
 from paretoik.capability.speed_models import SpeedModel, check_model
 from paretoik.capability.time_optimal import TimeOptimalRun, time_optimal_control
 from paretoik.errors import EvaluationFailed, InvalidInput, SolverFailed
-from paretoik.inputs import finite_array, integer_array, shown
-from paretoik.resolution.method import Method, Number, Parameter
-from paretoik.resolution.traces import HELD, STATUS, ResolvedMotion, Traces, empty_traces
+from paretoik.inputs import check_call, finite_array, integer_array, shown
+from paretoik.resolution.protocol import HELD, STATUS, Method, Number, Parameter, ResolvedMotion, Traces, empty_traces
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import retract_nearest, task_errors
 

@@ -9,53 +9,113 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from paretoik.arrays import Genes, Objectives, Values
-from paretoik.call_arguments import check_call
+from paretoik.arrays import Genes, JointPaths, Objectives, Values
 from paretoik.errors import Infeasible, InvalidInput
-from paretoik.formulations.base_motions import (
-    choose_bases,
-    positions_on_path,
-    sample_rollouts,
-    without_added_samples,
-)
 from paretoik.formulations.encoding import Encoding, choose_coefficients, encoding
 from paretoik.formulations.formulation import Formulation, check_motions, of_genes, tracking_text
-from paretoik.formulations.interpolation import values_between
+from paretoik.formulations.motions import values_between
 from paretoik.formulations.navigation import navigate, predict
 from paretoik.formulations.protocol import Individuals
 from paretoik.front.front import Front
-from paretoik.inputs import check_seed, check_size
+from paretoik.inputs import check_call, check_seed, check_size
 from paretoik.nlp.program import Solver
 from paretoik.pareto.certificates import Discretisation
 from paretoik.pareto.scalarisation import Observe
 from paretoik.robot.arm import Arm
 from paretoik.search.nsga2 import MaxiMinNSGA2
-from paretoik.search.smooth_operators import Differential, SmoothMutation
-from paretoik.self_motion.branches import branch_labels
+from paretoik.search.operators import Differential, SmoothMutation
 from paretoik.stop_flag import STOP
-from paretoik.task.differences import Differences
-from paretoik.task.evaluation import evaluate_motions, examine_functions
 from paretoik.task.limits import Constraint, Limits
 from paretoik.task.motion import Motion
-from paretoik.task.motion_task import MotionTask
-from paretoik.task.motion_task_validation import motion_task
+from paretoik.task.motion_task import MotionTask, evaluate_motions, examine_functions
 from paretoik.task.objectives import Objective
 from paretoik.task.obstacles import Obstacle
-from paretoik.task.obstructed_path import warn_of_obstructed_path
 from paretoik.task.path import Path
-from paretoik.task.task import Task
-from paretoik.trajectory.infeasibility import explain_violation, require_feasible
-from paretoik.trajectory.level_progress import ObserveLevel, explained_interruption
-from paretoik.trajectory.motion_cold_search import MotionColdSearch
-from paretoik.trajectory.plan import Plan, find_optima, resolve_plan
-from paretoik.trajectory.program import MotionProgram
+from paretoik.task.retraction import relative_errors, task_errors
+from paretoik.task.sampling import Differences
+from paretoik.task.self_motion import branch_labels
+from paretoik.task.starts import rollout_starts
+from paretoik.task.task import Task, describe_errors
+from paretoik.task.validation import START_TOLERANCE, motion_task
+from paretoik.trajectory.infeasibility import explain_violation, require_feasible, warn_of_obstructed_path
+from paretoik.trajectory.levels import ObserveLevel, explained_interruption
+from paretoik.trajectory.plan import MotionColdSearch, Plan, find_optima, resolve_plan
+from paretoik.trajectory.program import MotionProgram, joint_distance
 from paretoik.trajectory.tightening import hold_all
 from paretoik.trajectory.transcription import motion_program
+
+# The motions that ``Tracking`` starts from: the best roll-outs of every branch, others far from them, a user's.
+
+
+@dataclass(frozen=True, kw_only=True)
+class RolloutOptions:
+    """How many roll-outs there are: ``most``, fewer on paths of more than ``samples`` samples, but ``least``."""
+
+    most: int = 256
+    least: int = 64
+    samples: int = 101
+
+
+BASE_OPTIONS = RolloutOptions()
+
+
+def sample_rollouts(task: MotionTask, rng: np.random.Generator) -> JointPaths:
+    """Return roll-outs, as many as OPTIONS says: those that violate limits less first, then by non-domination."""
+    count = BASE_OPTIONS.most * BASE_OPTIONS.samples // len(task.times)
+    q = rollout_starts(task, min(max(count, BASE_OPTIONS.least), BASE_OPTIONS.most), rng)
+    F, limits, _ = evaluate_motions(task, task.motion(q))
+    violation = np.maximum(np.nan_to_num(limits, nan=1e3), 0).sum(axis=1).round(6)
+    finite = np.where(np.isfinite(F), F, np.nanmax(np.where(np.isfinite(F), F, np.nan), axis=0, initial=0.0))
+    rank = np.sum(np.all(finite[None] <= finite[:, None], axis=-1), axis=1)
+    return q[np.lexsort((rank, violation))]
+
+
+def choose_bases(task: MotionTask, rollouts: JointPaths, count: int) -> Float[np.ndarray, "bases time dof"]:
+    """Return the best roll-out of every branch, then the farthest of the better halves, at most ``count``."""
+    branch = np.array(branch_labels(task.motion(rollouts)))
+    members = [np.flatnonzero(branch == name) for name in dict.fromkeys(branch)]
+    chosen = [int(rows[0]) for rows in members][:count]
+    pool = np.concatenate([rows[: (len(rows) + 1) // 2] for rows in members])
+    distances = joint_distance(task, rollouts[pool, None], rollouts[chosen]).min(axis=1)
+    while len(chosen) < min(count, len(pool)):
+        chosen.append(int(pool[np.argmax(distances)]))
+        distances = np.minimum(distances, joint_distance(task, rollouts[pool], rollouts[chosen[-1]]))
+    return rollouts[chosen]
+
+
+def without_added_samples(task: MotionTask, motions: Motion) -> Motion:
+    """Return motions at the samples of a task, if they have more; others as they are."""
+    times = motions.time.reshape(-1, motions.time.shape[-1])[0]
+    index = np.searchsorted(times, task.times).clip(max=len(times) - 1)
+    added = len(times) > len(index) and np.array_equal(times[index], task.times)
+    return replace(motions, time=task.times, q=motions.q[..., index, :]) if added else motions
+
+
+def positions_on_path(task: MotionTask, motions: Motion) -> JointPaths:
+    """Return the joint positions of a user's motions.
+
+    Raises InvalidInput where they are not of the task's arm and samples, or more than 1e-6 rad or lengths of the arm
+    off the path.
+    """
+    if not isinstance(motions, Motion):
+        raise InvalidInput(f"initial: motions wanted, got {type(motions).__name__}")
+    motions = without_added_samples(task, motions)
+    q = np.array(motions.q if motions.q.ndim == 3 else motions.q[None])
+    if motions.arm.joint_names != task.arm.joint_names or q.shape[1] != len(task.times):
+        raise InvalidInput(
+            f"initial: motions of {task.arm.name} with {len(task.times)} samples wanted, got {motions.arm.name} with "
+            f"{q.shape[1]}"
+        )
+    if np.abs(relative_errors(task.arm, task.tasks, q, task.targets)[0]).max() > START_TOLERANCE:
+        largest = np.abs(task_errors(task.arm, task.tasks, q, task.targets)[0]).max(axis=(0, 1))
+        distance = describe_errors(task.tasks, largest)
+        raise InvalidInput(f"initial: motions on the path wanted, got some that are {distance} off")
+    return q
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -17,22 +17,29 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from paretoik.arrays import Genes
-from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
 from paretoik.formulations.formulation import Formulation, of_genes
-from paretoik.inputs import ArrayLike, check_choice, check_seed, check_size, finite_array, positive_number, shown
+from paretoik.inputs import (
+    ArrayLike,
+    check_call,
+    check_choice,
+    check_seed,
+    check_size,
+    finite_array,
+    positive_number,
+    shown,
+)
 from paretoik.resolution.measures import limit_margin, speed_ratio, tracking_error
-from paretoik.resolution.method import Method, Parameter
-from paretoik.resolution.traces import ResolvedMotion
+from paretoik.resolution.protocol import Method, Parameter, ResolvedMotion
 from paretoik.robot.arm import Arm
-from paretoik.self_motion.start_postures import order_by_neighbour, reach_error, sample_postures, wrap_difference
 from paretoik.task.limits import Constraint
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.motion_task_validation import motion_task
 from paretoik.task.objectives import Objective, jerk
 from paretoik.task.obstacles import Obstacle
 from paretoik.task.path import Path
+from paretoik.task.starts import order_by_neighbour, reach_error, sample_postures, wrap_difference
 from paretoik.task.task import Task, error_unit
+from paretoik.task.validation import motion_task
 from paretoik.trajectory.infeasibility import remedy_text
 
 JudgedBy = Literal["worst", "mean"]

@@ -3,18 +3,113 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from paretoik.arrays import Objectives, Values
 from paretoik.errors import InvalidInput
+from paretoik.front.certificates import concatenate
 from paretoik.front.front import Front
-from paretoik.front.indicators import estimate_hypervolume, non_dominated
-from paretoik.front.provenance import differences as differing_entries
+from paretoik.front.indicators import estimate_hypervolume, non_dominated, ranges_of, widths_of
+from paretoik.front.points import differences as differing_entries
 from paretoik.inputs import likely_spelling, shown
+from paretoik.tables import columns, html_table, html_text
+
+# Several fronts of one problem as one front, and where each of its points comes from.
+
+
+Rows = Sequence[Int[np.ndarray, " _"]]
+PARTS = ("genes", "motions", "violation", "certificates")
+
+
+def merge(comparison: Comparison) -> Front:
+    """Return what no point of any front dominates as one front; of equal points the first front's.
+
+    Ids count from 0, front by front; ``provenance["merged"]`` holds the label and the folder of every front
+    (``fronts``), and of every point its id, the place of its front there, and its id in it (``origins``). Genes,
+    motions, violations and certificates stay where every front that has points there has them and they agree in size;
+    which do not is told under ``left_out``.
+
+    Raises InvalidInput where fronts are of different problems, or of closed loops.
+    """
+    _check_one_problem(comparison)
+    of_each = zip(range(len(comparison.fronts)), comparison.fronts, comparison.merged_rows, strict=True)
+    places, fronts, rows = zip(*(each for each in of_each if len(each[2])), strict=True)
+    parts = {name: _joined(name, fronts, rows) for name in PARTS}
+    ids = np.arange(sum(len(part) for part in rows))
+    old = [
+        [place, int(number)]
+        for place, front, part in zip(places, fronts, rows, strict=True)
+        for number in front.ids[part]
+    ]
+    left_out = [
+        name for name in PARTS if parts[name] is None and any(getattr(front, name) is not None for front in fronts)
+    ]
+    first = fronts[0]
+    provenance = {
+        name: first.provenance[name] for name in ("problem", "fingerprint", "versions") if name in first.provenance
+    }
+    sources = [
+        {"label": label, "folder": None if front.folder is None else str(front.folder.absolute())}
+        for front, label in zip(comparison.fronts, comparison.labels, strict=True)
+    ]
+    merged = {"fronts": sources, "origins": [[i, *origin] for i, origin in enumerate(old)]}
+    return Front(
+        ids=ids,
+        objectives=np.concatenate([front.objectives[part] for front, part in zip(fronts, rows, strict=True)]),
+        names=first.names,
+        units=first.units,
+        maximised=first.maximised,
+        provenance={**provenance, "status": "merged", "merged": {**merged, "left_out": left_out}},
+        problem=next((front.problem for front in fronts if front.problem is not None), None),
+        **parts,
+    )
+
+
+def _check_one_problem(comparison: Comparison) -> None:
+    first, label = comparison.fronts[0], comparison.labels[0]
+    for front, other in zip(comparison.fronts, comparison.labels, strict=True):
+        if front.provenance.get("timeline") == "step":
+            raise InvalidInput(f"merge: wanted fronts, got the one motion of a closed loop in {other}")
+        if front.provenance.get("fingerprint") != first.provenance.get("fingerprint"):
+            raise InvalidInput(f"merge: wanted fronts of one problem, got others in {label} and {other}")
+
+
+def _joined(name: str, fronts: Sequence[Front], rows: Rows) -> Any:
+    """Return a part of all fronts, its rows one after the other; None where it is missing or does not agree."""
+    parts = [getattr(front, name) for front in fronts]
+    if any(part is None for part in parts):
+        return None
+    picked = [part[each] for part, each in zip(parts, rows, strict=True)]
+    if name == "motions":
+        return _joined_motions(picked)
+    if name == "certificates":
+        merged = ranges_of(np.concatenate([front.minimised[each] for front, each in zip(fronts, rows, strict=True)]))
+        return concatenate([part.rescale(widths_of(front), merged) for front, part in zip(fronts, picked, strict=True)])
+    agree = len({each.shape[1:] for each in picked}) == 1
+    return np.concatenate(picked) if agree else None
+
+
+def _joined_motions(motions: Sequence[Any]) -> Any:
+    """Return motions of one arm as a batch; None where joints, sizes or kinds differ."""
+    first = motions[0]
+    alike = all(
+        type(each) is type(first)
+        and each.arm.joint_names == first.arm.joint_names
+        and each.q.shape[1:] == first.q.shape[1:]
+        and getattr(each, "derivatives", None) is None
+        for each in motions
+    )
+    if not alike:
+        return None
+    return replace(
+        first, q=np.concatenate([each.q for each in motions]), time=np.concatenate([each.time for each in motions])
+    )
+
 
 Pairs = Float[np.ndarray, "fronts fronts"]
 ATTAINABLE = (2, 3)  # numbers of objectives that surfaces are computed of
@@ -130,8 +225,6 @@ class Comparison:
 
         Raises InvalidInput where fronts are of different problems, or of closed loops.
         """
-        from paretoik.front.merging import merge
-
         return merge(self)
 
     @property
@@ -172,7 +265,6 @@ class Comparison:
         return {name: self.attainment(share, label) for name, share in shares.items()}
 
     def __str__(self) -> str:
-        from paretoik.front.comparison_text import comparison_text
 
         return comparison_text(self)
 
@@ -184,7 +276,6 @@ class Comparison:
         return f"Comparison of {len(self.fronts)} fronts, hypervolume {volumes} of the merged front's"
 
     def _repr_html_(self) -> str:
-        from paretoik.front.comparison_text import comparison_html
 
         return comparison_html(self)
 
@@ -225,3 +316,107 @@ def _covered(one: Float[np.ndarray, "points n_obj"], other: Float[np.ndarray, "o
     """Return the share of the points of ``other`` that some point of ``one`` weakly dominates."""
     covered = [bool((one <= point).all(axis=1).any()) for point in other]
     return float(np.mean(covered))
+
+
+# A comparison of fronts in words and tables, for a terminal and for a notebook.
+
+
+COVERAGE = "coverage: the share of a column's points that some point of the row weakly dominates"
+EPSILON = "additive epsilon: by how much the row must improve to weakly dominate the column, in shares of the ranges"
+DIFFERENT = "what differs in how they were made"
+
+
+def comparison_text(comparison: Comparison) -> str:
+    """Return the comparison as a normalisation in words and aligned tables."""
+    parts = [_normalisation(comparison)]
+    for title, rows in _tables(comparison):
+        parts.append("\n".join([title, columns(rows)] if title else [columns(rows)]))
+    return "\n\n".join(parts)
+
+
+def comparison_html(comparison: Comparison) -> str:
+    """Return the comparison as HTML without scripts."""
+    tables = "".join(html_table(rows, caption=title) for title, rows in _tables(comparison))
+    return f"<div>{html_text(_normalisation(comparison))}{tables}</div>"
+
+
+def comparison_entries(comparison: Comparison) -> dict[str, Any]:
+    """Return the comparison as data: what JSON can hold."""
+    front = comparison.fronts[0]
+    return {
+        "objectives": [
+            {"name": name, "unit": unit, "maximised": maximised, "best": best, "worst": worst}
+            for name, unit, maximised, (best, worst) in zip(
+                front.names, front.units, front.maximised, comparison.ranges, strict=True
+            )
+        ],
+        "labels": comparison.labels,
+        "points": comparison.points,
+        "on_merged": comparison.on_merged,
+        "hypervolume": comparison.hypervolume,
+        "coverage": comparison.coverage,
+        "epsilon": comparison.epsilon,
+        "attainment": _attainment(comparison),
+        "differences": comparison.differences,
+    }
+
+
+def _attainment(comparison: Comparison) -> dict[str, Any] | None:
+    """Return the surfaces of all runs, and of each label that has several; None where there are none to compute."""
+    if len(comparison.fronts[0].names) not in ATTAINABLE:
+        return None
+    several = [label for label, places in comparison.groups.items() if len(places) > 1]
+    return {"all": comparison.surfaces(), "labels": {label: comparison.surfaces(label) for label in several}}
+
+
+def _normalisation(comparison: Comparison) -> str:
+    front = comparison.fronts[0]
+    ranges = ", ".join(
+        f"{front.quantity(axis, best)} to {front.quantity(axis, worst).removeprefix(front.names[axis]).lstrip()}"
+        for axis, (best, worst) in enumerate(comparison.ranges)
+    )
+    return (
+        f"Shares are of the ranges of the merged front, best to worst: {ranges}.\n"
+        "Hypervolume is that up to 1.1 of each range, over that of the merged front."
+    )
+
+
+def _tables(comparison: Comparison) -> list[tuple[str, list[list[str]]]]:
+    """Return the tables with their titles: points and hypervolume, coverage, epsilon, settings that differ."""
+    names = _distinct(comparison.labels)
+    rows = [["front", "points", "on the merged front", "hypervolume"]]
+    for name, points, shared, volume in zip(
+        names, comparison.points, comparison.on_merged, comparison.hypervolume, strict=True
+    ):
+        rows.append([name, str(points), str(shared), f"{volume:.4f}"])
+    merged = sum(len(part) for part in comparison.merged_rows)
+    rows.append(["merged", str(merged), str(merged), "1.0000"])
+    tables = [("", rows), (COVERAGE, _pairs(names, comparison.coverage)), (EPSILON, _pairs(names, comparison.epsilon))]
+    runs = {label: places for label, places in comparison.groups.items() if len(places) > 1}
+    if runs:
+        tables.append(("runs with one label", _runs(comparison, runs)))
+    if comparison.differences:
+        tables.append((DIFFERENT, [["", *names], *([name, *each] for name, each in comparison.differences.items())]))
+    return tables
+
+
+def _runs(comparison: Comparison, runs: dict[str, list[int]]) -> list[list[str]]:
+    rows = [["label", "runs", "hypervolume: median", "worst", "best"]]
+    for label, places in runs.items():
+        volumes = comparison.hypervolume[places]
+        numbers = (np.median(volumes), volumes.min(), volumes.max())
+        rows.append([label, str(len(places)), *(f"{number:.4f}" for number in numbers)])
+    return rows
+
+
+def _pairs(names: list[str], values: np.ndarray) -> list[list[str]]:
+    rows = [["", *names]]
+    for i, name in enumerate(names):
+        rows.append([name, *("–" if i == j else f"{value:.4f}" for j, value in enumerate(values[i]))])
+    return rows
+
+
+def _distinct(labels: tuple[str, ...]) -> list[str]:
+    """Return labels that differ: those of one method are counted."""
+    counted = [f"{label} {labels[: place + 1].count(label)}" for place, label in enumerate(labels)]
+    return [number if labels.count(label) > 1 else label for number, label in zip(counted, labels, strict=True)]

@@ -5,40 +5,43 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from importlib import import_module
 from numbers import Integral
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
 
 from paretoik.arrays import Genes, Ids, Objectives, Values, read_only
-from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
 from paretoik.front.certificates import Certificates
-from paretoik.front.choice import Choice, Preference, check_preference
-from paretoik.front.front_arguments import (
+from paretoik.front.choice import Choice, Preference, check_preference, explain
+from paretoik.front.geometry import find_jumps, missing_hypervolume, supported
+from paretoik.front.navigation import navigate, navigated, predict, refine_around, verdict_on
+from paretoik.front.points import (
+    Bound,
+    JointMotions,
     Ranges,
+    check_has_points,
     check_ids,
     check_non_dominated,
     check_objectives,
     check_ranges,
+    has_point,
+    row_of,
     sort_certificates,
     sort_motions,
     sort_rows,
+    with_ids,
+    within_bounds,
 )
-from paretoik.front.gaps import find_jumps, missing_hypervolume
-from paretoik.front.joint_motions import JointMotions
-from paretoik.front.navigation import navigate, navigated, predict, refine_around, verdict_on
-from paretoik.front.reason import explain
-from paretoik.front.selection import select, undo
-from paretoik.front.subset import Bound, has_point, row_of, with_ids, within_bounds
-from paretoik.front.supported import supported
-from paretoik.front.viewing import view
 from paretoik.inputs import (
+    check_call,
     check_flag,
     check_function,
     check_mapping,
+    check_size,
     check_text,
     file_path,
     finite_number,
@@ -46,10 +49,116 @@ from paretoik.inputs import (
     real_number,
     shown,
 )
+from paretoik.runs.files import RECORDING
 from paretoik.tables import fit_screen, html_representation
 
-if TYPE_CHECKING:  # files and preferences are opened when they are used
-    from paretoik.front.choices import Choices
+if TYPE_CHECKING:
+    from paretoik.front.choice_tree import Choices
+
+# A front in a notebook: the Rerun viewer below a cell, and what is selected in it as ids.
+
+
+# By name, as this package knows nothing of those that draw.
+OPENED_BY = "paretoik.review.drawing.front_view:open_view"
+RECORDED_BY = "paretoik.review.drawing.choice_layer:show_choice_in_recording"
+
+
+def view(
+    front: Front,
+    *,
+    on_select: Callable[[Ids], object] | None = None,
+    width: int | Literal["auto"] = "auto",
+    height: int | Literal["auto"] = 720,
+) -> Any:
+    """Return the front as a ``FrontView``, which a notebook shows as the Rerun viewer: pick a point, get its id.
+
+    Its ``selected`` are the ids of the points that were selected last, in any of its pictures, and ``choice`` is the
+    point whose motion the arm shows: the first of them, at first the present choice, or else the compromise.
+    ``show(id)`` shows another one, ``on_select(callback)`` has a function called with the ids of every selection.
+
+    On a certified front its ``sliders``, one an objective, move along the front: while one is dragged towards its
+    better end, what ``predict`` expects is drawn in grey; on release it is the point that ``navigate`` leads to, which
+    is selected. ``view.front`` has all points that were moved to.
+
+    The extra ``notebook`` is wanted (``pip install "paretoik[notebook]"``). The viewer is served by this process to the
+    same machine; where the browser is on another one, ``RERUN_NOTEBOOK_ASSET=inline`` in the environment sends it
+    along.
+
+    Parameters
+    ----------
+    on_select
+        Called with the ids of every selection; may be none.
+    width, height
+        In pixels; "auto" is the cell's width, and 9/16 of that.
+
+    Raises
+    ------
+    InvalidInput
+        Where the extra is missing, or a size is none.
+    Infeasible
+        For an empty front.
+    """
+    for edge, size in {"width": width, "height": height}.items():
+        if not (isinstance(size, str) and size == "auto"):
+            check_size(edge, size, 1)
+    check_function("on_select", on_select)
+    return drawn_by(OPENED_BY)(front, on_select=on_select, width=width, height=height)
+
+
+def show_choice(front: Front) -> None:
+    """Let the recording of a front's run, if there is one, open on the present choice."""
+    if front.folder is not None and (front.folder / RECORDING).exists():
+        drawn_by(RECORDED_BY)(front)
+
+
+def drawn_by(reference: str) -> Any:
+    """Return the function that "module:name" stands for."""
+    module, _, name = reference.partition(":")
+    return getattr(import_module(module), name)
+
+
+# Choosing a point of a front by a preference, and going back on it; a run folder keeps the choices.
+
+
+def select(front: Front, preference: Preference | str | Mapping[str, float] | int, *, keep: bool = True) -> Choice:
+    """Return the point that a preference chooses; a closed loop is followed again with it.
+
+    ``preference`` is one of those of ``paretoik`` or your own (``Preference``); "knee" and "compromise" stand for
+    ``Knee()`` and ``Compromise()``, numbers by objective for ``Weights``, an integer for the point with that id.
+    A front with a run ``folder`` keeps the choice there, in choices.json (``choices``), and has its recording,
+    review.rrd, open on it, unless ``keep`` is False or it is the motion of a closed loop that was followed anew. A
+    recording that cannot be replaced is left as it is, with a warning; the choice is kept.
+
+    Raises Infeasible where the front is empty or no point suits, and InvalidInput for other preferences.
+    """
+    from paretoik.front.choice_tree import keep_choice
+    from paretoik.front.preferences.requests import as_preference, ask
+
+    check_flag("keep", keep)
+    check_has_points(front, "select")
+    wish = as_preference(preference)
+    of_problem: Callable[[Front, Preference], Choice] | None = getattr(front.problem, "select", None)
+    choice = ask(wish, front) if of_problem is None else of_problem(front, wish)
+    is_known = np.array_equal(choice.objectives, front.objectives[choice.index])  # no loop that was followed anew
+    if keep and is_known and front.folder is not None and keep_choice(front, choice, wish):
+        show_choice(front)
+    return choice
+
+
+def undo(front: Front) -> Choice | None:
+    """Go back to the choice before the present one in the run folder, and return it; None where it was the first.
+
+    Nothing is deleted: the next choice becomes another branch of the tree. Raises InvalidInput where there is no
+    choice to go back from, or this is a part of the run's front without the point of the one before.
+    """
+    from paretoik.front.choice_tree import chosen, go_back
+
+    if front.folder is None:
+        raise InvalidInput("undo: wants a front that was loaded from a run folder or saved into one")
+    go_back(front.folder, front=front)
+    show_choice(front)
+    return chosen(front)
+
 
 __all__ = ["Choice", "Front", "Preference"]
 
@@ -234,7 +343,7 @@ class Front:
 
         Raises InvalidRun where the file is damaged.
         """
-        from paretoik.front.choices import Choices, read_choices
+        from paretoik.front.choice_tree import Choices, read_choices
 
         return Choices() if self.folder is None else read_choices(self.folder)
 

@@ -14,9 +14,8 @@ import numpy as np
 
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.front.certificates import WEIGHT_TOLERANCE
-from paretoik.front.prediction import Prediction
-from paretoik.front.provenance import NAVIGATIONS
-from paretoik.front.subset import check_known, row_of
+from paretoik.front.choice import Prediction
+from paretoik.front.points import NAVIGATIONS, check_known, row_of
 from paretoik.inputs import check_size, finite_number, listed, read_list, shown
 
 if TYPE_CHECKING:  # a front asks this file to move
@@ -259,7 +258,7 @@ def _check_not_at_end(front: Front, row: int, axis: int, payers: Sequence[int]) 
 
 def _critical_row(front: Front, choice: Choice | int | None, verb: str) -> int:
     """Return the row of a choice, by default the present one, that is certified as critical."""
-    from paretoik.front.choices import present_id
+    from paretoik.front.choice_tree import present_id
 
     id = present_id(front, name=verb) if choice is None else getattr(choice, "id", choice)
     row = row_of(front, id, name=verb)

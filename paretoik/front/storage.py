@@ -18,25 +18,25 @@ from typing import Any
 import numpy as np
 
 from paretoik.errors import InvalidInput, InvalidRun
-from paretoik.file_replacement import only_writer, replace_files, without_writers
 from paretoik.front.certificates import Certificates
-from paretoik.front.choices import Choices, choices_bytes
+from paretoik.front.choice_tree import Choices, choices_bytes
 from paretoik.front.front import Front, MotionBuilder
-from paretoik.front.joint_motions import JointMotions, StoredJoints, StoredMotions
-from paretoik.front.subset import attach
-from paretoik.run_files import (
+from paretoik.front.points import JointMotions, StoredJoints, StoredMotions, attach
+from paretoik.runs.file_replacement import only_writer, replace_files, without_writers
+from paretoik.runs.files import (
     CHOICES,
     MOTIONS,
     RUN,
     TABLE,
     check_digest,
     is_run,
+    read_arrays,
     read_plain_file,
     read_run,
+    read_table,
     result_files,
     unfinished_note,
 )
-from paretoik.stored_arrays import read_arrays, read_table
 
 RESERVED_ENTRIES = ("format", "objectives", "points", "files", "digest")
 CERTIFICATE_COLUMNS = ("violation_between", "criticality")

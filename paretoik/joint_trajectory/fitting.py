@@ -3,16 +3,210 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
 
 from paretoik.errors import Infeasible
-from paretoik.joint_trajectory.controller import Controller
-from paretoik.joint_trajectory.limit_check import LimitUse, limit_uses, unrest
-from paretoik.joint_trajectory.options import OPTIONS
-from paretoik.joint_trajectory.slow_down import ORDERS, slow_down, slowing
-from paretoik.joint_trajectory.time_scaling import TimeScaling, time_scaling
-from paretoik.joint_trajectory.trajectory import JointTrajectory, sample_motion
+from paretoik.joint_trajectory.controllers import OPTIONS, Controller
+from paretoik.joint_trajectory.trajectory import JointTrajectory, TimeScaling, sample_motion, time_scaling
+from paretoik.robot import dynamics
+from paretoik.robot.arm import Arm
 from paretoik.task.motion import Motion
+
+# A trajectory against a controller's limits, at every sample: as the controller computes them, and as they are.
+#
+# A controller knows positions alone: it takes their differences over one period each, and the robot rests before the
+# first and after the last. Velocities, accelerations and jerks are held against their limits as such differences, and
+# as derivatives of the curve itself; its jerk as the change of its acceleration over a period.
+
+
+UNITS = {
+    "position": "rad",
+    "velocity": "rad/s",
+    "acceleration": "rad/s²",
+    "jerk": "rad/s³",
+    "torque": "N m",
+    "torque rate": "N m/s",
+}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LimitedSeries:
+    """Values (samples, dof) of a ``quantity`` with their bounds; value i is that of sample i + ``shift``.
+
+    ``center`` (dof,) is where none of a limit is used: 0, or of positions the middle of their range.
+    """
+
+    quantity: str
+    values: Float[np.ndarray, "samples dof"]
+    lower: Float[np.ndarray, "#samples dof"]
+    upper: Float[np.ndarray, "#samples dof"]
+    shift: int = 0
+    center: Float[np.ndarray, "*dof"] | float = 0.0
+
+    @property
+    def use(self) -> Float[np.ndarray, "samples dof"]:
+        """How much of its limit each value uses: 1 at the limit, 0 at the center."""
+        distance = self.values - self.center
+        room = np.where(distance < 0, self.center - self.lower, self.upper - self.center)
+        return np.where(distance == 0, 0.0, np.abs(distance) / np.maximum(room, np.finfo(float).tiny))
+
+
+@dataclass(frozen=True, kw_only=True)
+class LimitUse:
+    """The largest use of a kind of limit: a joint's ``value`` at ``time`` [s]; ``use`` 1 is all of ``limit``."""
+
+    quantity: str
+    joint: str
+    prismatic: bool
+    time: float
+    value: float
+    limit: float
+    use: float
+
+    @property
+    def exceeded(self) -> bool:
+        """Whether the value is beyond its limit by more than rounding."""
+        return self.use > 1 + OPTIONS.rounding
+
+    def __str__(self) -> str:
+        value, limit = (with_unit(number, self.quantity, self.prismatic) for number in (self.value, self.limit))
+        beyond = with_unit(abs(self.value - self.limit), self.quantity, self.prismatic)
+        by = f", beyond it by {beyond}" if value == limit and self.exceeded else ""
+        return f"{self.quantity} of {self.joint} is {value} at {self.time:g} s, its limit {limit}{by}"
+
+
+def limit_uses(trajectory: JointTrajectory, controller: Controller, arm: Arm) -> list[LimitUse]:
+    """Return the largest use of each kind of limit, the fullest first; joints are in the arm's order.
+
+    Torques are the arm's own, gravity included, where it has masses.
+    """
+    largest: dict[str, LimitUse] = {}
+    for series in _limited_series(trajectory, controller, arm):
+        use = series.use
+        sample, joint = (int(i) for i in np.unravel_index(int(np.argmax(use)), use.shape))
+        value = float(series.values[sample, joint])
+        bounds = series.lower if value < np.broadcast_to(series.center, arm.dof)[joint] else series.upper
+        limit = float(np.broadcast_to(bounds, use.shape)[sample, joint])
+        before = largest.get(series.quantity)
+        if np.isfinite(limit) and (before is None or use[sample, joint] > before.use):
+            largest[series.quantity] = LimitUse(
+                quantity=series.quantity,
+                joint=trajectory.joint_names[joint],
+                prismatic=arm.joint_types[joint] == "prismatic",
+                time=float(trajectory.time[np.clip(sample + series.shift, 0, len(trajectory.time) - 1)]),
+                value=value,
+                limit=limit,
+                use=float(use[sample, joint]),
+            )
+    return sorted(largest.values(), key=lambda each: -each.use)
+
+
+def unrest(trajectory: JointTrajectory, controller: Controller, arm: Arm) -> str | None:
+    """Say which joint does not rest at an end where the controller wants it to, None where all do."""
+    kinds = [("velocity", trajectory.dq, controller.velocity, OPTIONS.rest_velocity)]
+    if controller.rest_acceleration:
+        kinds.append(("acceleration", trajectory.ddq, controller.acceleration, OPTIONS.rest_acceleration))
+    for quantity, values, limit, share in kinds:
+        tolerance = share * np.where(np.isfinite(limit), limit, np.abs(values).max())
+        for end, verb in ((0, "start"), (-1, "end")):
+            excess = np.abs(values[end]) / np.maximum(tolerance, np.finfo(float).tiny)
+            joint = int(np.argmax(excess))
+            if excess[joint] > 1:
+                value = with_unit(values[end, joint], quantity, arm.joint_types[joint] == "prismatic")
+                planned = " (end_velocity=0 plans it so)" if end and not controller.rest_acceleration else ""
+                return f"it must {verb} at rest{planned}, but {trajectory.joint_names[joint]} {verb}s with {value}"
+    return None
+
+
+def with_unit(value: float, quantity: str, prismatic: bool) -> str:
+    """Return a value of a quantity with its unit, which for a slide is of metres and newtons."""
+    unit = UNITS[quantity]
+    if prismatic:
+        unit = unit.replace("rad", "m", 1) if unit.startswith("rad") else unit.replace("N m", "N", 1)
+    return f"{value:.6g} {unit}"
+
+
+def _limited_series(trajectory: JointTrajectory, controller: Controller, arm: Arm) -> Iterator[LimitedSeries]:
+    q, rate = trajectory.q, (len(trajectory.time) - 1) / trajectory.time[-1]
+    lower, upper = controller.position.T
+    # A range with one end is taken for 2 rad, or m, wide: it has no middle, and is not used far from its end.
+    low = np.where(np.isfinite(lower), lower, np.where(np.isfinite(upper), upper - 2.0, -1.0))
+    high = np.where(np.isfinite(upper), upper, np.where(np.isfinite(lower), lower + 2.0, 1.0))
+    middle = (low + high) / 2
+    yield LimitedSeries(quantity="position", values=q, lower=lower[None], upper=upper[None], center=middle)
+
+    # What the controller computes from its commands; before the first and after the last it gets the same, at rest.
+    commands = np.concatenate([q[:1]] * 3 + [q] + [q[-1:]] * 3)
+    velocity = np.diff(commands, axis=0) * rate
+    low, high = controller.velocity_bounds(commands[1:])
+    yield LimitedSeries(quantity="velocity", values=velocity, lower=low, upper=high, shift=-2)
+    acceleration = np.diff(velocity, axis=0) * rate
+    yield _symmetric("acceleration", acceleration, controller.acceleration, shift=-1)
+    yield _symmetric("jerk", np.diff(acceleration, axis=0) * rate, controller.jerk)
+
+    low, high = controller.velocity_bounds(q)
+    yield LimitedSeries(quantity="velocity", values=trajectory.dq, lower=low, upper=high)
+    yield _symmetric("acceleration", trajectory.ddq, controller.acceleration)
+    yield _symmetric("jerk", np.diff(_between_rests(trajectory.ddq), axis=0) * rate, controller.jerk)
+
+    if any(body.mass > 0 for body in arm.bodies):
+        torque = dynamics.inverse_dynamics(arm, q, trajectory.dq, trajectory.ddq)
+        yield _symmetric("torque", torque, controller.torque)
+        still = np.zeros((2, arm.dof))
+        static_torque = dynamics.inverse_dynamics(arm, q[[0, -1]], still, still)
+        steps = np.diff(np.concatenate([static_torque[:1], torque, static_torque[1:]]), axis=0)
+        yield _symmetric("torque rate", steps * rate, controller.torque_rate)
+
+
+def _symmetric(quantity: str, values: np.ndarray, limit: np.ndarray, shift: int = 0) -> LimitedSeries:
+    return LimitedSeries(quantity=quantity, values=values, lower=-limit[None], upper=limit[None], shift=shift)
+
+
+def _between_rests(values: np.ndarray) -> np.ndarray:
+    return np.pad(values, ((1, 1), (0, 0)))
+
+
+# Slowing down: the fewest periods of a controller in which a motion keeps its limits.
+#
+# Slowed down by k, velocities are 1/k, accelerations 1/k² and jerks 1/k³ of what they were, those of the curve
+# exactly, differences of samples nearly: so the answer is guessed, and then found by bisection among whole periods.
+
+
+ORDERS = {"velocity": 1, "acceleration": 2, "jerk": 3, "torque": 2, "torque rate": 3}
+
+
+def slowing(use: LimitUse) -> float:
+    """Return about how many times slower the motion must be to use all of a limit, and no more."""
+    return use.use ** (1 / ORDERS[use.quantity])
+
+
+def slow_down(scaling: TimeScaling, measure: Callable[[TimeScaling], list[LimitUse]]) -> TimeScaling | None:
+    """Return a scaling of the fewest periods, no fewer than ``scaling`` has, that keeps limits; None if there is none.
+
+    ``measure`` gives the uses of limits. Positions are no matter of time: they are not looked at.
+    """
+    fails, passes, smallest = scaling.periods - 1, scaling.periods, 1.0
+    while True:
+        exceeded = [use for use in measure(replace(scaling, periods=passes)) if use.quantity in ORDERS and use.exceeded]
+        if not exceeded:
+            break
+        fails = passes
+        factor = max(map(slowing, exceeded))
+        passes = max(passes + 1, math.ceil(passes * min(max(factor, smallest), 2.0)))
+        smallest += 0.1  # guesses that creep are no better than a search
+        if passes > OPTIONS.slowest * scaling.periods:
+            return None
+    while passes - fails > 1:
+        middle = (passes + fails) // 2
+        if any(use.exceeded for use in measure(replace(scaling, periods=middle)) if use.quantity in ORDERS):
+            fails = middle
+        else:
+            passes = middle
+    return replace(scaling, periods=passes)
 
 
 def fit_motion(

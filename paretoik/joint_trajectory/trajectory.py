@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -11,11 +12,82 @@ from jaxtyping import Float
 
 from paretoik.arrays import Times
 from paretoik.errors import InvalidInput
-from paretoik.inputs import shown
-from paretoik.joint_trajectory.controller import check_joint_names
-from paretoik.joint_trajectory.time_scaling import TimeScaling
+from paretoik.inputs import finite_number, positive_number, shown
+from paretoik.joint_trajectory.controllers import OPTIONS, check_joint_names
 from paretoik.tables import html_representation
 from paretoik.task.motion import Motion
+
+# Time scalings: the same curve in its own time, slower, or from rest to rest.
+#
+# Lynch & Park, Modern Robotics, chapter 9: with q(σ(t)) velocities are q' σ̇ and accelerations q'' σ̇² + q' σ̈.
+
+
+@dataclass(frozen=True, kw_only=True)
+class TimeScaling:
+    """A motion of ``duration`` [s] in so many ``periods`` of a controller of ``rate`` [Hz].
+
+    With a ``ramp`` [s of the motion's own speed] it sets out from rest and comes to rest: σ̇ rises from 0 to its full
+    value by 10x³ − 15x⁴ + 6x⁵, the law of least jerk, and falls alike, so that velocity, acceleration and jerk of the
+    scaling are 0 at both ends. Each ramp takes ``ramp`` to cover half of that.
+    """
+
+    duration: float
+    periods: int
+    rate: float
+    ramp: float = 0.0
+
+    @property
+    def factor(self) -> float:
+        """How much slower than at its own speed the motion is, its ramps aside."""
+        return self.periods / (self.rate * (self.duration + self.ramp))
+
+    def times(self, rate: float | None = None) -> Times:
+        """Return times of samples [s], in whole nanoseconds, as ROS keeps them: its own, or those of another rate."""
+        rate = self.rate if rate is None else rate
+        return np.rint(np.arange(math.ceil(self._periods(rate)) + 1) * (1e9 / rate)) / 1e9
+
+    def evaluate(self, rate: float | None = None) -> Float[np.ndarray, "3 time"]:
+        """Return σ [s], σ̇ and σ̈ [1/s] at the samples; σ runs from exactly 0 to exactly the duration.
+
+        At another ``rate`` than its own the last sample may come less than a period after the end: it is the end's.
+        """
+        total = self.duration + self.ramp
+        periods = self._periods(self.rate if rate is None else rate)
+        u = np.minimum(np.arange(math.ceil(periods) + 1) / periods, 1.0) * total
+        if self.ramp == 0:
+            return np.stack([u, np.full_like(u, 1 / self.factor), np.zeros_like(u)])
+        from_end = np.minimum(u, total - u)  # to the nearer end: the law is symmetric
+        x = np.minimum(from_end / self.ramp, 1.0)
+        covered = np.where(from_end < self.ramp, self.ramp * x**4 * (2.5 + x * (x - 3.0)), from_end - self.ramp / 2)
+        later = u > total / 2
+        sigma = np.where(later, self.duration - covered, covered)
+        speed = x**3 * (10.0 + x * (6.0 * x - 15.0))
+        bend = 30.0 * (x * (1.0 - x)) ** 2 / self.ramp * np.where(later, -1.0, 1.0)
+        return np.stack([sigma, speed / self.factor, bend / self.factor**2])
+
+    def _periods(self, rate: float) -> float:
+        """Return how many periods of a rate it takes, whole ones up to rounding."""
+        periods = self.periods * (rate / self.rate)
+        return float(round(periods)) if abs(periods - round(periods)) <= OPTIONS.whole * periods else periods
+
+
+def time_scaling(duration: float, rate: float, *, time_scale: float = 1.0, ramp: float = 0.0) -> TimeScaling:
+    """Return the scaling of a motion by ``time_scale``, or a little more, so that it takes whole periods.
+
+    Raises InvalidInput for a time scale below 1, a ramp shorter than a period or longer than the motion, and a
+    rate with too few or too many periods.
+    """
+    scale, ramp = positive_number("time_scale", time_scale, ""), finite_number("ramp", ramp)
+    if scale < 1:
+        raise InvalidInput(f"time_scale: 1 or more, to slow down, wanted, got {scale:g}; faster is another motion")
+    if ramp != 0 and not 1 / rate <= ramp <= duration:
+        raise InvalidInput(f"ramp: 0, or from one period to the motion's {duration:g} s wanted, got {ramp:g} s")
+    periods = np.ceil((duration + ramp) * scale * rate - OPTIONS.whole)
+    if rate > OPTIONS.rate or not 3 <= periods <= OPTIONS.periods:
+        wish = f"at most {OPTIONS.rate:g} Hz, and from 3 to {OPTIONS.periods} periods"
+        raise InvalidInput(f"rate and time_scale: {wish} wanted, got {rate:g} Hz for {(duration + ramp) * scale:g} s")
+    return TimeScaling(duration=duration, periods=int(periods), rate=rate, ramp=ramp)
+
 
 JointSeries = Float[np.ndarray, "time dof"]
 

@@ -22,11 +22,20 @@ from scipy import sparse
 
 from paretoik.arrays import Point
 from paretoik.errors import SolverFailed
-from paretoik.nlp.conic import Constraints
+from paretoik.nlp.convex_subproblem import Step, convexify, solve_subproblem
 from paretoik.nlp.criticality import quick_criticality
-from paretoik.nlp.program import Goal, Program, bounded
-from paretoik.nlp.solutions import CONVERGED, INTERRUPTED, ITERATION_LIMIT, NO_PROGRESS, NOT_FINITE, VIOLATED
-from paretoik.nlp.subproblem import Step, convexify, solve_subproblem
+from paretoik.nlp.program import (
+    CONVERGED,
+    INTERRUPTED,
+    ITERATION_LIMIT,
+    NO_PROGRESS,
+    NOT_FINITE,
+    VIOLATED,
+    Constraints,
+    Goal,
+    Program,
+    bounded,
+)
 from paretoik.stop_flag import STOP
 
 

@@ -90,7 +90,7 @@ def guess_optimum(program: Program, x: Point, goal: Goal) -> Optimum | None:
 
     Limits that are tightened elsewhere are not active here, although their multipliers are positive.
     """
-    from paretoik.nlp.compiled.local_model import first_order  # here: numba
+    from paretoik.nlp.parametric_qp.local_model import first_order  # here: numba
 
     rows, _ = _bounds(program, goal)
     _, gradients, slacks, columns, entries, regular = first_order(program.kernel, x, len(program.upper))
@@ -168,9 +168,9 @@ def predict(program: Program, start: Optimum, goal: Callable[[float], Goal]) -> 
 
 def _predict(program: Program, start: Optimum, goal: Goal) -> Optimum | None:
     """Return what one model predicts; None where a bound is missed by too large a part of the step."""
-    from paretoik.nlp.compiled.parametric_qp import QpOptions
-    from paretoik.nlp.compiled.prediction import PredictionOptions
-    from paretoik.nlp.compiled.prediction import predict as search
+    from paretoik.nlp.parametric_qp.prediction import PredictionOptions
+    from paretoik.nlp.parametric_qp.prediction import predict as search
+    from paretoik.nlp.parametric_qp.solution import QpOptions
 
     options = PredictionOptions(
         predictions=OPTIONS.predictions,
@@ -188,9 +188,9 @@ def _predict(program: Program, start: Optimum, goal: Goal) -> Optimum | None:
 
 def _correct(program: Program, kernel: Any, start: Optimum, goal: Goal) -> tuple[Optimum, int, int] | None:
     """Return the optimum of a goal, and how many corrections and changes of the active set led to it."""
-    from paretoik.nlp.compiled.continuation import CorrectionOptions
-    from paretoik.nlp.compiled.continuation import correct as search
-    from paretoik.nlp.compiled.parametric_qp import QpOptions
+    from paretoik.nlp.parametric_qp.correction import CorrectionOptions
+    from paretoik.nlp.parametric_qp.correction import correct as search
+    from paretoik.nlp.parametric_qp.solution import QpOptions
 
     options = CorrectionOptions(
         residual=OPTIONS.residual,

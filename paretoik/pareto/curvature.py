@@ -14,13 +14,9 @@ from scipy import sparse
 from scipy.linalg import qr
 
 from paretoik.arrays import Point
-from paretoik.nlp.conic import Cone, Constraints
-from paretoik.nlp.criticality import Criticality
-from paretoik.nlp.elimination import eliminate
-from paretoik.nlp.interior_point_options import InteriorPointOptions
+from paretoik.nlp.criticality import Criticality, eliminate
 from paretoik.nlp.minimise import minimise
-from paretoik.nlp.program import Linearisation, Program
-from paretoik.nlp.violation import violation_of
+from paretoik.nlp.program import Cone, Constraints, InteriorPointOptions, Linearisation, Program, violation_of
 
 
 @dataclass(frozen=True, kw_only=True)

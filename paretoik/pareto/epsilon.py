@@ -14,17 +14,20 @@ from jaxtyping import Float
 
 from paretoik.arrays import Points
 from paretoik.front.indicators import ranges_of
-from paretoik.nlp.interior_point_options import InteriorPointOptions
-from paretoik.nlp.program import Program, Solver
-from paretoik.nlp.solutions import Solutions
+from paretoik.nlp.program import InteriorPointOptions, Program, Solutions, Solver
 from paretoik.pareto.certificates import weights_at
-from paretoik.pareto.cold_search import ColdSearch, optima_alone
-from paretoik.pareto.epsilon_options import OPTIONS
-from paretoik.pareto.gap_filling import POINT_TOLERANCE
+from paretoik.pareto.placement import POINT_TOLERANCE
 from paretoik.pareto.refine import refine
-from paretoik.pareto.scalarisation import main_weights, minimise_weighted, objective_sizes
-from paretoik.pareto.sweep import ObserveSweep, Sweep
-from paretoik.pareto.warm_start import evaluate_points, feasible_points
+from paretoik.pareto.scalarisation import (
+    ColdSearch,
+    evaluate_points,
+    feasible_points,
+    main_weights,
+    minimise_weighted,
+    objective_sizes,
+    optima_alone,
+)
+from paretoik.pareto.sweep import OPTIONS, ObserveSweep, Sweep
 from paretoik.stop_flag import Interrupted, check_interruption
 
 

@@ -6,21 +6,141 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise, product
-from typing import Literal, TypeAlias
+from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from paretoik.arrays import Points
-from paretoik.distribution import workers
-from paretoik.nlp.program import Program, Solver
-from paretoik.nlp.solutions import Solutions, concatenate
-from paretoik.pareto.cold_search import ColdSearch
-from paretoik.pareto.epsilon_levels import Level, LevelSolver
-from paretoik.pareto.epsilon_options import OPTIONS
-from paretoik.pareto.gap_filling import POINT_TOLERANCE, fill_gaps, front_rows, is_duplicate, spread_rows
-from paretoik.pareto.placement import Gap, Target, best_rows, gap_between, hull_pairs, next_targets
-from paretoik.pareto.scalarisation import main_weights, minimise_weighted
+from paretoik.arrays import Point, Points
+from paretoik.nlp.program import InteriorPointOptions, Program, Solutions, Solver, concatenate
+from paretoik.pareto.placement import (
+    POINT_TOLERANCE,
+    Gap,
+    Target,
+    best_rows,
+    fill_gaps,
+    front_rows,
+    gap_between,
+    hull_pairs,
+    is_duplicate,
+    next_targets,
+    spread_rows,
+)
+from paretoik.pareto.scalarisation import ColdSearch, Observe, main_weights, minimise_weighted
+from paretoik.runs.distribution import workers
+
+# How fronts are swept by ε-constraints.
+
+
+@dataclass(frozen=True, kw_only=True)
+class EpsilonOptions:
+    """How a front is swept; objectives are divided by their ranges, so that values here are shares of these.
+
+    ``end_tolerance`` is what an objective gives way for the others at an end of the front, ``end_weight`` the weight of
+    the others there at first. Where a range of the ends is ``narrower`` than that of the objectives' own optima, by so
+    much of it, they are sought once more with objectives divided by the ends' ranges. ``weight`` is that of the others
+    at any ε: with none a point may be only weakly optimal. Where the ends are within ``resolved_distance`` (rad or
+    lengths of the arm, RMS) and ``resolution`` of every objective's size, the front is one point: that is what a
+    solver's last barrier leaves open.
+
+    Of two objectives the first ``cold_points`` are sought from cold starts too, as a branch may belong to no
+    objective's own optimum, and the best ``cold_optima`` of each search looked at. The second neighbour's motion is a
+    start where that of the nearer one ``falls_short`` of the expected gain, by a share of it. So many points more than
+    wanted are solved at most as ``further`` says, or ``further_share`` of these. Bounds of points are at even places of
+    a gap, ``grid`` in number. Of more objectives each is sought from cold starts once, at ``inner``
+    between nadir and ideal, and every ε starts from the ``nearest`` points. Each point tries the basins of its
+    ``neighbours``, in at most so many ``rounds`` of ``basin_iterations`` each. So many points are minimised at a time
+    as ``batch`` says.
+
+    The barriers: ``warm`` from a point near by; ``cold`` and ``near`` where ends are tried once more: from a flat
+    valley one may get lost, or find a better one.
+    """
+
+    end_tolerance: float = 1e-6
+    end_weight: float = 1e-3
+    narrower: float = 0.5
+    weight: float = 5e-4
+    cold_points: int = 3
+    cold_optima: int = 4
+    inner: float = 0.5
+    falls_short: float = 0.02
+    further: int = 4
+    further_share: float = 0.5
+    grid: int = 256
+    nearest: int = 4
+    neighbours: int = 2
+    rounds: int = 3
+    basin_iterations: int = 60
+    batch: int = 8
+    resolution: float = 1e-7
+    resolved_distance: float = 1e-3
+    warm: InteriorPointOptions = InteriorPointOptions(barrier=1e-4, radius=0.02)
+    near: InteriorPointOptions = InteriorPointOptions(barrier=1e-6, radius=0.02)
+    cold: InteriorPointOptions = InteriorPointOptions(barrier=0.1, radius=0.2)
+
+
+OPTIONS = EpsilonOptions()
+
+
+# Levels of ε, each minimised when its turn comes, or by workers ahead of that.
+#
+# A sweep is sequential: where a level goes depends on those before. It often can be foretold, and as what a level
+# leads to follows from the level alone, workers may be there first: the sweep comes to the same, bit for bit.
+
+
+Key: TypeAlias = tuple[bytes, int, bytes, InteriorPointOptions]
+
+
+class Level(NamedTuple):
+    """The objective ``main`` is minimised from a point ``x``, the others below ``upper`` and with little weight."""
+
+    x: Point
+    main: int
+    upper: Float[np.ndarray, " n_obj"]
+    barrier: InteriorPointOptions = OPTIONS.warm
+
+    @property
+    def key(self) -> Key:
+        """What tells it from others."""
+        return self.x.tobytes(), self.main, self.upper.tobytes(), self.barrier
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LevelSolver:
+    """Minimises levels of a ``program``; ``ahead`` has what workers have minimised before its turn."""
+
+    program: Program
+    n_obj: int
+    solver: Solver
+    ahead: dict[Key, Solutions] = field(default_factory=dict)
+
+    def solve(self, levels: Sequence[Level], observe: Observe | None = None) -> Solutions:
+        """Return where levels lead, workers having been there or not; ``observe`` looks on."""
+        missing = [level for level in levels if level.key not in self.ahead]
+        solutions = self.ahead | (self._minimise(missing, observe) if missing else {})
+        if observe is not None and not missing:
+            observe(len(levels), len(levels))
+        return concatenate([solutions[level.key] for level in levels])
+
+    def look_ahead(self, levels: Sequence[Level]) -> None:
+        """Let workers, if there are any, minimise levels that are likely to come, once the first of them is due."""
+        missing = {level.key: level for level in levels if level.key not in self.ahead}
+        if workers() > 1 and len(missing) > 1 and levels[0].key in missing:
+            self.ahead.update(self._minimise(list(missing.values()), None))
+
+    def _minimise(self, levels: Sequence[Level], observe: Observe | None) -> dict[Key, Solutions]:
+        solutions = minimise_weighted(
+            self.program,
+            np.stack([level.x for level in levels]),
+            main_weights(self.n_obj, np.array([level.main for level in levels]), OPTIONS.weight),
+            np.stack([level.upper for level in levels]),
+            [level.barrier for level in levels],
+            solver=self.solver,
+            batch=OPTIONS.batch,
+            observe=observe,
+        )
+        return {level.key: solutions[i : i + 1] for i, level in enumerate(levels)}
+
 
 SweepPhase: TypeAlias = Literal["", "gap filling", "jump search", "basin exchange"]
 

@@ -8,15 +8,262 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float, Shaped
 
-from paretoik.errors import InvalidInput
-from paretoik.resolution.limited_step import LimitedStep, StepGoal, StepLimits, limited_step
+from paretoik.errors import InvalidInput, SolverFailed
+from paretoik.nlp.convex_subproblem import solve_subproblem
+from paretoik.nlp.program import Constraints, dense_rows
 from paretoik.resolution.methods import ConstrainedQP, Criterion
-from paretoik.resolution.rate_limits import KINDS, RateLimits, intersection
-from paretoik.resolution.step_program import StepProgram, step_program
-from paretoik.resolution.traces import DONE, LIMITED, MISSED, Traces
+from paretoik.resolution.protocol import DAMPED, DONE, HELD, LIMITED, MISSED, StepProgram, Traces, step_program
 from paretoik.tables import field_representation, html_representation
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.retraction import OPTIONS, row_scales
+from paretoik.task.retraction import OPTIONS as RETRACTION_OPTIONS
+from paretoik.task.retraction import row_scales
+
+# One step within limits: the quadratic program of joint rates, stated about the rates that no limit would change.
+#
+# With rates z that the criteria ask for and weights W, a step solves
+#
+# minimise    ½ (q̇ − z)ᵀ W (q̇ − z) subject to  J q̇ = v                       what the task asks for
+# lower ≤ q̇ ≤ upper             joint limits, as rates             ∇d · q̇ ≥ −approach            distances from
+# obstacles
+#
+# where the task is damped by ρ, or limits leave it no solution, it gives way:
+#
+# minimise    ½ ‖J q̇ − v‖² + ½ ρ² (q̇ − z)ᵀ W (q̇ − z)
+#
+# About the solution without limits, q̇ = free + W^(−½) N x, both are: minimise ½ xᵀ P x subject to Gx ≤ h. P = I
+# along the null space N of J W^(−½), or P = I + W^(−½) Jᵀ J W^(−½) / ρ² and N = I. The convex subproblem of the SQP
+# solves it where a limit is active.
+#
+# Source: Cheng, Chen & Sun 1994, Resolving Manipulator Redundancy under Inequality Constraints; of the distances
+# Faverjon & Tournassoud 1987.
+
+
+@dataclass(frozen=True, kw_only=True)
+class StepOptions:
+    """Tolerances of a step within limits."""
+
+    tolerance: float = 1e-9  # share of the largest rate without limits, or bound: limits exceeded by less are kept
+    singular: float = 1e-13  # share of the largest singular value: the Jacobian counts as singular
+    least_damping: float = 1e-4  # share of the largest singular value, where the task gives way and nothing is damped
+    penalty: float = 1e6  # of a rate by which a distance shrinks too fast, in shares of the largest
+
+
+OPTIONS = StepOptions()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StepGoal:
+    """What a step is to do: the task's rates, those of the criteria, inverse weights D of joints, and damping."""
+
+    jacobian: Float[np.ndarray, "rows dof"]
+    task_rates: Float[np.ndarray, " rows"]
+    secondary: Float[np.ndarray, " dof"]
+    inverse_weights: Float[np.ndarray, " dof"]
+    region: float
+    damping: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StepLimits:
+    """Bounds of joint rates, and the least rates of distances with these gradients."""
+
+    bounds: Float[np.ndarray, "dof 2"]
+    gradients: Float[np.ndarray, "distances dof"]
+    lowest_rates: Float[np.ndarray, " distances"]
+
+    def slack(self, rates: Float[np.ndarray, " dof"]) -> Float[np.ndarray, " limits"]:
+        """Return what rates leave of every limit: of distances, then lower and upper bounds; negative past it."""
+        return np.concatenate(
+            [self.gradients @ rates - self.lowest_rates, rates - self.bounds[:, 0], self.bounds[:, 1] - rates]
+        )
+
+    def keep(self, rates: Float[np.ndarray, " dof"], free: Float[np.ndarray, " dof"]) -> bool:
+        """Return whether rates keep every limit, to a share of the rates without limits, or of bounds if less."""
+        size = min(float(np.abs(free).max()), float(np.abs(self.bounds).max()))
+        return bool(self.slack(rates).min() >= -OPTIONS.tolerance * size)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LimitedStep:
+    """The rates of a step and those without limits, the projector onto what the task leaves free, the damping ρ.
+
+    ``status`` is an index into STATUS.
+    """
+
+    rates: Float[np.ndarray, " dof"]
+    free: Float[np.ndarray, " dof"]
+    projector: Float[np.ndarray, "dof dof"]
+    damping: float
+    status: int
+
+
+def limited_step(goal: StepGoal, limits: StepLimits) -> LimitedStep:
+    """Return the step: as without limits where it keeps them, else by the quadratic program."""
+    root = np.sqrt(goal.inverse_weights)
+    weighted = goal.jacobian * root
+    U, sizes, V = np.linalg.svd(weighted)
+    rows, largest, smallest = len(sizes), float(sizes[0]), float(sizes[-1])
+
+    def step(damping: float, status: int, rates: np.ndarray | None = None) -> LimitedStep:
+        inverse = root[:, None] * V[:rows].T * (sizes / (sizes**2 + damping**2)) @ U.T
+        projector = np.eye(len(root)) - inverse @ goal.jacobian
+        free = inverse @ goal.task_rates + projector @ goal.secondary
+        rates = free if rates is None else rates
+        return LimitedStep(rates=rates, free=free, projector=projector, damping=damping, status=status)
+
+    if goal.damping > 0 and smallest < goal.region:
+        damping = float(goal.damping * np.sqrt(1 - (smallest / goal.region) ** 2))  # Wan et al. 2018, Eq. 4
+        without = step(damping, DAMPED)
+    elif smallest > OPTIONS.singular * largest:
+        damping, without = goal.damping, step(0.0, DONE)
+    else:
+        still = _still(root, limits)
+        return replace(step(1.0, HELD if limits.keep(still, still) else LIMITED, still), free=still)
+    if limits.keep(without.free, without.free):
+        return without
+    identity = np.eye(len(root))
+    if without.status == DONE:
+        rates = _nearest(without.free, V[rows:].T, root, identity[rows:, rows:], limits)
+        if rates is not None and limits.keep(rates, without.free):
+            return replace(without, rates=rates)
+    relaxed = step(max(damping, OPTIONS.least_damping * largest), LIMITED if without.status == DONE else DAMPED)
+    rates = _nearest(relaxed.free, identity, root, identity + weighted.T @ weighted / relaxed.damping**2, limits)
+    if rates is None:
+        rates = np.clip(relaxed.free, *limits.bounds.T)
+    return replace(relaxed, rates=rates, status=relaxed.status if limits.keep(rates, relaxed.free) else LIMITED)
+
+
+def _still(root: Float[np.ndarray, " dof"], limits: StepLimits) -> Float[np.ndarray, " dof"]:
+    """Return the least rates that keep the limits, or, where no rates do, those within the bounds of joints."""
+    zeros, identity = np.zeros_like(root), np.eye(len(root))
+    rates: np.ndarray = np.clip(zeros, *limits.bounds.T)
+    if limits.slack(rates).min() >= 0:
+        return rates
+    nearest = _nearest(zeros, identity, root, identity, limits)
+    return rates if nearest is None else nearest
+
+
+def _nearest(free: np.ndarray, N: np.ndarray, root: np.ndarray, P: np.ndarray, limits: StepLimits) -> np.ndarray | None:
+    """Return free + root N x within limits, x of least ½ xᵀPx; None for no such rates.
+
+    Where bounds of rates allow for no others, distances shrink as little too fast as they can.
+    """
+    values, distances, basis = limits.slack(free), len(limits.lowest_rates), root[:, None] * N
+    G = np.concatenate([limits.gradients @ basis, basis, -basis])
+    size = max(float(np.abs(free).max()), float(-values.min()))
+    farthest = np.abs(limits.bounds - free[:, None]).max(axis=1) / size
+    radius = float((np.abs(N.T) @ (farthest / root)).max())
+    constraints = Constraints(unknowns=len(P), values=values / size, jacobian=dense_rows(G))
+    out_of_reach = values / size + np.abs(G).sum(axis=1) * radius < 0
+    if out_of_reach[distances:].any():
+        return None
+    try:
+        solution = solve_subproblem(
+            np.zeros(len(P)),
+            dense_rows(P / np.abs(P).max()),
+            constraints,
+            elastic=distances,
+            radius=radius,
+            penalty=OPTIONS.penalty,
+        )
+    except SolverFailed:
+        return None
+    return np.asarray(free + size * (basis @ solution.step))
+
+
+# The rates that keep joints, and distances, within their limits in a step and in all steps after it.
+#
+# Rates are constant over a step, and change from step to step as accelerations allow. What approaches a limit must be
+# able to brake before it: at a rate v, braking by aⱼ in the steps after, it goes no less than v Tₙ − Sₙ in n + 1
+# steps, where Tₙ = Σ hⱼ and Sₙ = Σ hⱼ Σᵢ≤ⱼ aᵢ hᵢ. A rate by which this exceeds no distance from a limit leaves
+# another such rate in the next step.
+#
+# Source: Del Prete 2018, Joint Position and Velocity Bounds in Discrete-Time Acceleration/Torque Control of Robot
+# Arms, for any steps and for limits that vary.
+
+
+KINDS = "acceleration", "step", "velocity", "position"  # of limits on a joint's rate, the first to be kept first
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RateLimits:
+    """Limits (steps, dof, 2) at the sample after every step, −inf and inf where there are none, and ``steps`` [s]."""
+
+    position: Float[np.ndarray, "steps dof 2"]
+    velocity: Float[np.ndarray, "steps dof 2"]
+    acceleration: Float[np.ndarray, "steps dof 2"]
+    steps: Float[np.ndarray, " steps"]
+
+    @classmethod
+    def of(cls, task: MotionTask) -> RateLimits:
+        """Return those of a task."""
+        steps, dof = np.diff(task.times), task.arm.dof
+        shape, none = (len(task.times), dof, 2), np.array([-np.inf, np.inf])
+        limits = {
+            kind: np.broadcast_to(task.bounds.get(kind, none), shape)[1:] for kind in ("velocity", "acceleration")
+        }
+        position = np.broadcast_to(task.bounds.get("position", task.arm.position_limits), shape)[1:]
+        return cls(position=position, **limits, steps=steps)
+
+    def bounds(self, k: int, q: np.ndarray, previous: np.ndarray) -> Float[np.ndarray, "kinds *batch dof 2"]:
+        """Return lower and upper bounds of the rates in step k from q (*batch, dof), after ``previous`` rates."""
+        sides = []
+        for side, sign in ((0, -1.0), (1, 1.0)):
+            braking = self._braking(k, side)
+            slack = sign * (self.position[k : k + len(braking), :, side] - q[..., None, :])
+            drop = np.cumsum(braking * self.steps[k : k + len(braking), None], axis=0)
+            bounds = (
+                sign * previous + sign * self.acceleration[k, :, side] * self.steps[k],
+                np.full_like(q, 1.0 / self.steps[k]),  # rad or m: a Jacobian says nothing farther away
+                np.broadcast_to((sign * self.velocity[k : k + len(braking), :, side] + drop).min(axis=0), q.shape),
+                highest_rate(slack, braking, self.steps[k : k + len(braking)]),
+            )
+            sides.append(sign * np.stack(bounds))
+        return np.stack(sides, axis=-1)
+
+    def approach(self, k: int, slack: np.ndarray, gradients: np.ndarray) -> Float[np.ndarray, "*batch"]:
+        """Return how fast distances (*batch,) may shrink in step k, their ``slack`` [m] being left.
+
+        Every joint brakes as its acceleration limits let it, the gradients (*batch, dof) staying as they are.
+        """
+        lower, upper = (self._braking(k, side) for side in (0, 1))  # of motion downwards, and upwards
+        rising, falling = np.maximum(gradients, 0.0), np.maximum(-gradients, 0.0)
+        with np.errstate(invalid="ignore"):
+            braking = np.nan_to_num(rising[..., None, :] * lower, nan=0.0, posinf=np.inf)
+            braking = (braking + np.nan_to_num(falling[..., None, :] * upper, nan=0.0, posinf=np.inf)).sum(axis=-1)
+        steps = self.steps[k : k + len(lower)]
+        return highest_rate(slack[..., None, None], braking[..., None], steps)[..., 0]
+
+    def _braking(self, k: int, side: int) -> Float[np.ndarray, "later dof"]:
+        """Return by how much rates towards a side can shrink in step k, where they cannot any more, and in later ones.
+
+        One step where nothing limits accelerations: then rates can end at once.
+        """
+        opposite = self.acceleration[k:, :, 1 - side] * (1.0 if side == 0 else -1.0)
+        later = opposite if np.isfinite(opposite).any() else opposite[:1]
+        return np.concatenate([np.zeros((1, later.shape[1])), np.maximum(later[1:], 0.0)])
+
+
+def highest_rate(
+    slack: Float[np.ndarray, "*batch #later columns"],
+    braking: Float[np.ndarray, "*#batch later columns"],
+    steps: Float[np.ndarray, " later"],
+) -> Float[np.ndarray, "*batch columns"]:
+    """Return the highest rate from which no ``slack``, until the end of this step and of each later one, is exceeded.
+
+    ``braking`` is by how much rates can shrink per second in these steps, 0 in the first.
+    """
+    drop = np.cumsum(braking * steps[:, None], axis=-2)
+    return np.asarray(((slack + np.cumsum(drop * steps[:, None], axis=-2)) / np.cumsum(steps)[:, None]).min(axis=-2))
+
+
+def intersection(bounds: Float[np.ndarray, "kinds *batch dof 2"]) -> Float[np.ndarray, "*batch dof 2"]:
+    """Return the interval within bounds of all kinds; where they contradict each other the first kinds are kept."""
+    lower, upper = bounds[0, ..., 0], bounds[0, ..., 1]
+    for each in bounds[1:]:
+        lower, upper = np.clip(each[..., 0], lower, upper), np.clip(each[..., 1], lower, upper)
+    return np.stack([lower, upper], axis=-1)
+
 
 ACTIVE = np.array(["", *(f"{side} {kind}" for kind in KINDS for side in ("lower", "upper")), "clearance"])
 
@@ -129,7 +376,7 @@ class _Stepper:
         interval = intersection(bounds)
         nearest = at.distances - dt * self.limits.approach(k, at.distances - self.task.min_clearance, at.gradients)
         scales, moved = row_scales(self.task.arm, self.task.tasks), np.zeros_like(q)
-        for _ in range(OPTIONS.max_iterations):
+        for _ in range(RETRACTION_OPTIONS.max_iterations):
             lowest_rates = (nearest - at.distances + at.gradients @ moved) / dt
             limits = StepLimits(bounds=interval, gradients=at.gradients, lowest_rates=lowest_rates)
             step = limited_step(goal, limits)
@@ -138,7 +385,7 @@ class _Stepper:
             moved = dt * step.rates
             at = self.linearise(k + 1, q + moved, previous)
             missing = np.concatenate([np.abs(at.errors) / scales, (nearest - at.distances) / self.task.clearance_range])
-            if missing.max() <= OPTIONS.tolerance:
+            if missing.max() <= RETRACTION_OPTIONS.tolerance:
                 break
             goal = replace(goal, jacobian=at.jacobian, task_rates=(at.jacobian @ moved + at.errors) / dt)
         else:

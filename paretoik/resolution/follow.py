@@ -12,7 +12,6 @@ from jaxtyping import Float
 from paretoik.errors import InvalidInput
 from paretoik.inputs import shown
 from paretoik.resolution.constrained import ACTIVE, ConstrainedTraces, follow_constrained
-from paretoik.resolution.method import broadcast_shape
 from paretoik.resolution.methods import (
     ConstrainedQP,
     Criterion,
@@ -24,8 +23,7 @@ from paretoik.resolution.methods import (
     WeightedLeastNorm,
 )
 from paretoik.resolution.predictive import compiled_kernels, follow_predictively
-from paretoik.resolution.step_program import step_program
-from paretoik.resolution.traces import HELD, ResolvedMotion, empty_traces
+from paretoik.resolution.protocol import HELD, ResolvedMotion, broadcast_shape, empty_traces, step_program
 from paretoik.resolution.variational import extremal_paths
 from paretoik.task.limits import position_ranges
 from paretoik.task.motion_task import MotionTask

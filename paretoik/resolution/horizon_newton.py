@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from paretoik.autodiff.interpreter import run
-from paretoik.compilation import compiled
-from paretoik.resolution.matrices import cholesky, solve_cholesky, weighted_square
+from paretoik.compilation.numba_cache import compiled
+from paretoik.nlp.linear_algebra import cholesky, solve_cholesky, weighted_square
 
 
 class NewtonOptions(NamedTuple):

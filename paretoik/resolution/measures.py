@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
-from paretoik.inputs import shown
-from paretoik.resolution.traces import ResolvedMotion
-from paretoik.self_motion.start_postures import wrap_difference
+from paretoik.inputs import check_call, shown
+from paretoik.resolution.protocol import ResolvedMotion
 from paretoik.task.limits import position_ranges
 from paretoik.task.motion import Motion
 from paretoik.task.objectives import Objective, objective
+from paretoik.task.starts import wrap_difference
 
 
 @objective(unit="m, rad", form="general")

@@ -14,15 +14,14 @@ from typing import Literal, TypeVar, get_args
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
-from paretoik.inputs import ArrayLike, check_choice, finite_array, read_list, shown
-from paretoik.resolution.method import Criterion as Criterion
-from paretoik.resolution.method import Method as Method
-from paretoik.resolution.method import Number as Number
-from paretoik.resolution.method import Parameter as Parameter
-from paretoik.resolution.method import number
-from paretoik.resolution.predictive_kinetic_energy import PredictiveKineticEnergy as PredictiveKineticEnergy
+from paretoik.inputs import ArrayLike, check_call, check_choice, finite_array, read_list, shown
+from paretoik.resolution.predictive import PredictiveKineticEnergy as PredictiveKineticEnergy
+from paretoik.resolution.protocol import Criterion as Criterion
+from paretoik.resolution.protocol import Method as Method
+from paretoik.resolution.protocol import Number as Number
+from paretoik.resolution.protocol import Parameter as Parameter
+from paretoik.resolution.protocol import number
 from paretoik.task.objectives import Objective
 
 __all__ = [

@@ -14,19 +14,18 @@ from paretoik.inputs import check_choice, check_seed, degrees_hint, finite_array
 from paretoik.resolution.constrained import ConstrainedTraces
 from paretoik.resolution.follow import follow
 from paretoik.resolution.methods import ConstrainedQP, Criterion, Method, VelocityMethod
-from paretoik.resolution.traces import ResolvedMotion
+from paretoik.resolution.protocol import ResolvedMotion
 from paretoik.robot.arm import Arm
 from paretoik.robot.kinematics import link_nodes
-from paretoik.self_motion.start_postures import reach_error, sample_postures
-from paretoik.task.distances import clearance, closest_pair
 from paretoik.task.limits import LIMIT_TOLERANCE, Limits
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.motion_task_validation import motion_task
 from paretoik.task.objectives import joint_travel
-from paretoik.task.obstacles import Obstacle
+from paretoik.task.obstacles import Obstacle, clearance, closest_pair
 from paretoik.task.path import Path
 from paretoik.task.retraction import task_errors
+from paretoik.task.starts import reach_error, sample_postures
 from paretoik.task.task import Task, describe_errors, error_unit
+from paretoik.task.validation import motion_task
 
 LOST_STEPS = {
     "held": "no velocities do what the task wants",

@@ -12,38 +12,40 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import Jacobians, Vector3, read_only
-from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
 from paretoik.inputs import (
     ArrayLike,
+    check_call,
     check_choice,
     check_instance,
     check_mapping,
     check_text,
     file_path,
     finite_array,
+    finite_number,
     likely_spelling,
     shown,
 )
-from paretoik.robot.arm_inputs import (
+from paretoik.robot.body import (
     BASE_FRAME,
     OTHER_NAMES,
     TOOL_FRAME,
+    Body,
     JointType,
     body_tuple,
     check_joints,
+    combine_bodies,
     joint_positions,
     joint_tuple,
     limit_rows,
     number_array,
     planar_bodies,
     symmetric_limits,
+    transform_body,
     type_tuple,
 )
-from paretoik.robot.body import Body, combine_bodies, transform_body
 from paretoik.robot.denavit_hartenberg import joint_placements
-from paretoik.robot.frame import Frame
-from paretoik.robot.pose import Pose, check_pose, matrix_to_quaternion, pose_batch
+from paretoik.robot.pose import Frame, Pose, check_pose, matrix_to_quaternion, pose_batch
 from paretoik.tables import fit_screen, html_representation
 
 EARTH_GRAVITY = (0.0, 0.0, -9.81)  # m/s²
@@ -272,8 +274,6 @@ class Arm:
 
         Raises InvalidInput for an unknown joint, a value that is not finite, or for the last moving joint.
         """
-        from paretoik.robot.fixed_joints import fix_joint  # here, because it builds on this class
-
         arm = self
         if positions is not None:
             check_mapping("fixed", positions, "values by joint", example="{'joint1': 0.3}")
@@ -327,3 +327,63 @@ class Arm:
 def check_arm(name: str, arm: object) -> None:
     """Raise InvalidInput, by ``name``, unless this is an Arm."""
     check_instance(name, arm, Arm, "an Arm", example="pk.arms.tringali_3r() or Arm.from_urdf(...)")
+
+
+# Joints frozen at a value: the arm with one joint less, and the motion of a joint.
+
+
+def fix_joint(arm: Arm, joint: str, value: float) -> Arm:
+    """Return the arm with one joint frozen at ``value`` [rad, m], its link part of the one before.
+
+    Raises InvalidInput for an unknown joint, a value that is not finite, or the last joint of an arm.
+    """
+    if joint not in arm.joint_names:
+        hint = likely_spelling(joint, arm.joint_names)
+        raise InvalidInput(f"fixed: joints among {', '.join(arm.joint_names)} wanted, got {shown(joint)}{hint}")
+    value = finite_number(f"joint {joint}", value)
+    if arm.dof == 1:
+        raise InvalidInput(f"joint {joint}: wanted one of several that move, got the last of {arm.name}")
+    i = arm.joint_names.index(joint)
+    lower, upper = arm.position_limits[i]
+    if not lower <= value <= upper:
+        raise InvalidInput(f"joint {joint}: a value from {lower:g} to {upper:g} wanted, got {value:g}")
+    fixed = arm.placements[i] @ joint_motion(arm.joint_types[i], value)
+    placements, bodies, tool = list(arm.placements), list(arm.bodies), arm.tool
+    if i + 1 < arm.dof:
+        placements[i + 1] = fixed @ placements[i + 1]
+    else:
+        tool = fixed @ tool
+    if i > 0:
+        bodies[i - 1] = combine_bodies(bodies[i - 1], transform_body(bodies[i], fixed))
+    del placements[i], bodies[i]
+    others = np.arange(arm.dof) != i
+    return replace(
+        arm,
+        joint_names=arm.joint_names[:i] + arm.joint_names[i + 1 :],
+        joint_types=arm.joint_types[:i] + arm.joint_types[i + 1 :],
+        placements=tuple(placements),
+        bodies=tuple(bodies),
+        tool=tool,
+        position_limits=arm.position_limits[others],
+        velocity_limits=arm.velocity_limits[others],
+        torque_limits=arm.torque_limits[others],
+        acceleration_limits=None if arm.acceleration_limits is None else arm.acceleration_limits[others],
+        jerk_limits=None if arm.jerk_limits is None else arm.jerk_limits[others],
+        frames={name: _without_joint(frame, i, fixed) for name, frame in arm.frames.items()},
+    )
+
+
+def joint_motion(joint_type: str, value: float, axis: Sequence[float] = (0.0, 0.0, 1.0)) -> Pose:
+    """Return the pose that a joint at ``value`` [rad or m] adds after its placement; none for those of other types."""
+    if joint_type == "prismatic":
+        return Pose(value * np.array(axis))
+    if joint_type in ("revolute", "continuous"):
+        return Pose(np.zeros(3), np.array([np.cos(value / 2), *(np.sin(value / 2) * np.array(axis))]))
+    return Pose(np.zeros(3))
+
+
+def _without_joint(frame: Frame, joint: int, fixed: Pose) -> Frame:
+    """Return a frame of the arm after a joint is fixed at the pose ``fixed`` on the link before."""
+    if frame.link < joint:
+        return frame
+    return Frame(link=frame.link - 1, pose=fixed @ frame.pose if frame.link == joint else frame.pose)

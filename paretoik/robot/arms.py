@@ -7,8 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from paretoik.call_arguments import check_call
-from paretoik.inputs import check_choice
+from paretoik.inputs import check_call, check_choice
 from paretoik.robot.arm import Arm
 
 TRINGALI_MASSES = {"printed": (0.615, 0.615, 0.307), "fitted": (0.619, 0.821, 0.503)}

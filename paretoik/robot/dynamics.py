@@ -13,7 +13,6 @@ import numpy as np
 
 from paretoik.arrays import InertiaMatrices, Joints, Values
 from paretoik.robot.arm import Arm
-from paretoik.robot.arm_constants import ArmConstants, LinkConstants, arm_constants, joint_cosines_and_sines
 from paretoik.robot.components import (
     ZERO,
     Component,
@@ -32,6 +31,7 @@ from paretoik.robot.components import (
     scale,
     times,
 )
+from paretoik.robot.kinematics import ArmConstants, LinkConstants, arm_constants, joint_cosines_and_sines
 
 
 def inverse_dynamics(arm: Arm, q: Joints, dq: Joints, ddq: Joints) -> Joints:

@@ -12,9 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
-from paretoik.inputs import ArrayLike, check_angles, check_magnitude, finite_array, finite_number, shown
+from paretoik.inputs import ArrayLike, check_angles, check_call, check_magnitude, finite_array, finite_number, shown
 from paretoik.tables import field_representation, html_representation
 
 UNIT_TOLERANCE = 1e-6  # a quaternion or a rotation matrix this near to orthonormal is normalised
@@ -268,3 +267,14 @@ def check_pose(name: str, pose: object) -> None:
         raise InvalidInput(f"{name}: a Pose wanted, got {shown(pose)}")
     if pose.position.ndim > 1:
         raise InvalidInput(f"{name}: one pose wanted, got a batch of {pose.position.shape[:-1]}; pick one: poses[0]")
+
+
+# A frame on an arm.
+
+
+@dataclass(frozen=True, kw_only=True)
+class Frame:
+    """A named frame on the arm: a pose in the frame of link ``link`` (−1: the base)."""
+
+    link: int
+    pose: Pose

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from hashlib import sha256
 from pathlib import Path
+from xml.parsers import expat
 
 import numpy as np
 
-from paretoik.errors import InvalidInput
+from paretoik.errors import InvalidInput, InvalidRobot
 from paretoik.inputs import check_magnitude, degrees_hint, shown
-from paretoik.robot.arm_inputs import JOINT_TYPES, OWN_FRAMES
-from paretoik.robot.body import inertia_fault
+from paretoik.paths import missing_file
+from paretoik.robot.body import JOINT_TYPES, OWN_FRAMES, inertia_fault
 from paretoik.robot.pose import Pose, rpy_to_quaternion
 from paretoik.robot.urdf_description import (
     INERTIA_ENTRIES,
@@ -25,10 +27,188 @@ from paretoik.robot.urdf_description import (
     Numbers,
     RobotDescription,
     inertia_matrix,
+    list_messages,
 )
-from paretoik.robot.urdf_faults import list_messages
-from paretoik.robot.urdf_tree import find_mimic_faults, find_tree_faults
-from paretoik.robot.urdf_xml import Element, is_macro, parse_elements, read_bytes
+
+# Faults of a URDF's links and joints that are not one tree, and of mimic joints that follow nothing.
+
+
+def find_tree_faults(
+    links: Mapping[str, LinkDescription], joints: Mapping[str, JointDescription], lines: Mapping[str, int]
+) -> list[Fault]:
+    """Return why links and joints are not one tree, each fault with its line; ``lines`` are those of the joints."""
+    faults: list[Fault] = []
+    parent_joint: dict[str, str] = {}
+    for name, joint in joints.items():
+        for tag, link in (("parent", joint.parent), ("child", joint.child)):
+            if link and link not in links:
+                faults.append(
+                    (lines[name], f"joint {shown(name)}: {tag} must be a link of the robot, got {shown(link)}")
+                )
+        if joint.child in parent_joint:
+            two = f"{shown(parent_joint[joint.child])} and {shown(name)}"
+            faults.append((lines[name], f"link {shown(joint.child)}: must be the child of one joint, got {two}"))
+        elif joint.child in links:
+            parent_joint[joint.child] = name
+    for loop in _find_loops(joints, lambda joint: parent_joint.get(joint.parent)):
+        names = ", ".join(repr(name) for name in loop)
+        faults.append((lines[loop[0]], f"joints must form a tree, got the loop {names}"))
+    roots = [link for link in links if link not in parent_joint]
+    if len(roots) > 1:
+        names = ", ".join(repr(root) for root in roots[:10]) + (", ..." if len(roots) > 10 else "")
+        faults.append((1, f"the robot must have one root link, got {len(roots)}: {names}"))
+    return faults
+
+
+def find_mimic_faults(joints: Mapping[str, JointDescription], lines: Mapping[str, int]) -> list[tuple[str, Fault]]:
+    """Return, with the joint's name, the fault of each mimic joint that in the end follows no joint but itself."""
+    faults = []
+    for name, joint in joints.items():
+        if joint.mimic and joint.mimic[0] not in joints:
+            leader = shown(joint.mimic[0][:200])
+            faults.append((name, (lines[name], f"joint {shown(name)}: must mimic a joint of the robot, got {leader}")))
+    for loop in _find_loops(joints, lambda joint: joint.mimic[0] if joint.mimic else None):
+        faults += [(name, (lines[name], f"joint {name!r}: must mimic another joint, got itself")) for name in loop]
+    return faults
+
+
+def _find_loops(
+    joints: Mapping[str, JointDescription], successor: Callable[[JointDescription], str | None]
+) -> list[list[str]]:
+    """Return each cycle of the graph in which every joint points to its ``successor``, once."""
+    visited: set[str] = set()
+    loops = []
+    for name in joints:
+        trail: list[str] = []
+        current: str | None = name
+        while current is not None and current in joints and current not in visited:
+            visited.add(current)
+            trail.append(current)
+            current = successor(joints[current])
+        if current in trail:
+            loops.append(trail[trail.index(current) :])
+    return loops
+
+
+# Reading a URDF's XML within bounds: no entities, no network, limited size, depth and number of elements.
+
+
+PARTS = ("link", "joint")  # what is read below <robot>; transmissions, materials and plug-ins are not
+SHAPES = ("visual", "collision")  # skipped in every part
+
+
+@dataclass(frozen=True, kw_only=True)
+class XmlOptions:
+    """The largest file that is read."""
+
+    max_bytes: int = 10_000_000
+    max_depth: int = 64  # elements nested in each other
+    max_elements: int = 50_000  # a humanoid with hands has some 10,000
+
+
+XML_OPTIONS = XmlOptions()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Element:
+    """One XML element that matters, with the line where it begins."""
+
+    tag: str
+    attributes: dict[str, str]
+    line: int
+    children: list[Element] = field(default_factory=list)
+
+    def find_all(self, tag: str) -> list[Element]:
+        """Return the children of that tag, in order."""
+        return [child for child in self.children if child.tag == tag]
+
+
+def is_macro(tag: str) -> bool:
+    """Return whether an element is one that xacro should have expanded."""
+    return tag.startswith("xacro:")
+
+
+def parse_elements(data: bytes, source: str) -> tuple[Element, list[int]]:
+    """Return the ``<robot>`` element with its links and joints, without their shapes, and the lines of unread macros.
+
+    Raises InvalidRobot, naming ``source`` and the line, if data are not the XML of a robot.
+    """
+    reader = _XmlReader(source)
+    try:
+        reader.parser.Parse(data, True)
+    except expat.ExpatError as error:
+        raise reader.error(f"well-formed XML wanted, got {expat.ErrorString(error.code)}", error.lineno) from None
+    except (LookupError, ValueError) as error:
+        if isinstance(error, InvalidInput):
+            raise
+        raise reader.error(f"readable text wanted, got {error}", 1) from None
+    assert reader.root is not None  # expat reports a document without a root element
+    return reader.root, reader.unread_macros
+
+
+def read_bytes(file: Path) -> bytes:
+    """Return what a file of a robot holds; raises InvalidInput for no file, InvalidRobot for an empty or large one."""
+    try:
+        if not file.is_file():
+            raise InvalidInput(f"{file}: a plain file wanted, got {missing_file(file)}")
+        with file.open("rb") as stream:
+            data = stream.read(XML_OPTIONS.max_bytes + 1)
+    except OSError as error:
+        raise InvalidInput(f"{file}: cannot be read, {error.strerror}") from None
+    if not data:
+        raise InvalidRobot(str(file), ["a robot wanted, got an empty file"])
+    if len(data) > XML_OPTIONS.max_bytes:
+        raise InvalidRobot(str(file), [f"at most {XML_OPTIONS.max_bytes // 1_000_000} MB wanted, got a larger file"])
+    return data
+
+
+class _XmlReader:
+    """Handlers of the parser: collect links and joints, skip shapes, refuse what a URDF does not need."""
+
+    def __init__(self, source: str) -> None:
+        self.source = source
+        self.root: Element | None = None
+        self.open: list[Element | None] = []  # None: inside a part that is skipped
+        self.count = 0
+        self.unread_macros: list[int] = []
+        self.parser = expat.ParserCreate()
+        self.parser.StartElementHandler = self.start
+        self.parser.EndElementHandler = self.end
+        self.parser.StartDoctypeDeclHandler = self.doctype
+
+    def error(self, message: str, line: int | None = None) -> InvalidRobot:
+        number = self.parser.CurrentLineNumber if line is None else line
+        return InvalidRobot(self.source, [f"line {number}: {message}"])
+
+    def doctype(self, *_: object) -> None:
+        raise self.error("a robot without DOCTYPE wanted, as none needs entities, got one")
+
+    def start(self, tag: str, attributes: dict[str, str]) -> None:
+        self.count += 1
+        if self.count > XML_OPTIONS.max_elements:
+            raise self.error(f"at most {XML_OPTIONS.max_elements:,} elements wanted, got more")
+        if len(self.open) == XML_OPTIONS.max_depth:
+            raise self.error(f"elements nested at most {XML_OPTIONS.max_depth} deep wanted, got deeper ones")
+        element = Element(tag=tag, attributes=attributes, line=self.parser.CurrentLineNumber)
+        parent = self.open[-1] if self.open else None
+        if not self.open:
+            if tag != "robot":
+                raise self.error(f"the root element must be <robot>, got <{tag[:80]}>")
+            self.root = element
+        elif parent is self.root and is_macro(tag):  # it may be any number of links and joints
+            raise self.error(f"a robot that xacro has expanded wanted, got the macro <{tag[:80]}>")
+        elif parent is None or (parent is self.root and tag not in PARTS) or tag in SHAPES:
+            if is_macro(tag):
+                self.unread_macros.append(element.line)
+            self.open.append(None)
+            return
+        else:
+            parent.children.append(element)
+        self.open.append(element)
+
+    def end(self, _: str) -> None:
+        self.open.pop()
+
 
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?inf(inity)?|[+-]?nan", re.ASCII | re.IGNORECASE)
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from paretoik.arrays import Constraints, Genes, Ids, Mask, Objectives
 from paretoik.inputs import check_size
-from paretoik.search.constraints import TOLERANCE, Floats, Integers, violations
+from paretoik.search.objectives import TOLERANCE, Floats, Integers, violations
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,7 +15,7 @@ from paretoik.errors import InvalidInput
 from paretoik.front.indicators import estimate_hypervolume
 from paretoik.inputs import check_size, finite_number, real_array
 from paretoik.search.archive import Failures
-from paretoik.search.constraints import Floats
+from paretoik.search.objectives import Floats
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

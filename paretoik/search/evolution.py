@@ -2,21 +2,299 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import Any, TypeAlias
 
 import numpy as np
+from jaxtyping import Int
+from pymoo.core.problem import LoopedElementwiseEvaluation
 
-from paretoik.arrays import Genes
+from paretoik.arrays import Genes, Objectives
 from paretoik.compilation_notices import computing_clock
-from paretoik.errors import EvaluationFailed, InvalidInput
-from paretoik.search.ask_tell import Search
-from paretoik.search.constraints import Floats
+from paretoik.errors import EvaluationFailed, InvalidInput, InvalidRun, warn_user
+from paretoik.inputs import cause_of, limited_call, user_function, warn_of_odd_objectives
+from paretoik.runs.distribution import Lost, distribute, workers
+from paretoik.runs.journal import Values, key_of, recalled, remembered
+from paretoik.search.ask_tell import Candidates, Outcome, Search
 from paretoik.search.endings import Ending, Progress
-from paretoik.search.evaluation import Evaluate, evaluate_problem
-from paretoik.search.generation_evaluation import Evaluation, evaluate_again, evaluate_candidates
 from paretoik.search.islands import Islands
-from paretoik.user_functions import warn_of_odd_objectives
+from paretoik.search.objectives import Floats
+from paretoik.stop_flag import check_interruption
+
+# The evaluation of a batch of rows: where that fails, row by row.
+
+
+Rows: TypeAlias = Int[np.ndarray, " _"]  # numbers of rows, as many as there are
+Evaluate: TypeAlias = Callable[[Genes], Mapping[str, Any]]
+
+
+def evaluate_problem(problem: Any, X: Genes) -> Mapping[str, Any]:
+    """Return what a pymoo problem evaluates to; raises InvalidInput for values that pymoo would falsify.
+
+    pymoo drops masks and imaginary parts, and reads numbers from text.
+    """
+    is_covered = "_evaluate" in vars(problem) or not hasattr(problem, "_evaluate")
+    if not is_covered:
+        problem._evaluate = _CheckedEvaluation(problem)
+    try:
+        values: Mapping[str, Any] = problem.evaluate(X, return_as_dictionary=True)
+        return values
+    finally:
+        if not is_covered:
+            del problem._evaluate
+
+
+@dataclass(frozen=True)
+class _CheckedEvaluation:
+    """The ``_evaluate`` of a problem, whose values are checked before pymoo reads them."""
+
+    problem: Any
+
+    def __call__(self, x: Any, out: dict[str, Any], *arguments: Any, **named: Any) -> None:
+        """Evaluate; raises InvalidInput for values that are not real numbers."""
+        type(self.problem)._evaluate(self.problem, x, out, *arguments, **named)
+        for name in ("F", "G", "H"):
+            for values in out[name] if isinstance(out.get(name), list | tuple) else [out.get(name)]:
+                _check_real(f"problem {type(self.problem).__name__}: {name}", values)
+
+
+def _check_real(name: str, values: Any) -> None:
+    """Raise InvalidInput, by ``name``, for masked, complex and textual values; pymoo checks their shape."""
+    try:
+        kind = np.asarray(values).dtype.kind
+    except Exception as error:  # a foreign array may raise anything
+        raise InvalidInput(f"{name}: must hold real numbers, got {cause_of(error)}") from None
+    if np.ma.is_masked(values) or kind not in "fiubO":
+        fact = "masked ones" if np.ma.is_masked(values) else "complex ones" if kind == "c" else "text"
+        raise InvalidInput(f"{name}: must hold real numbers, got {fact}")
+
+
+def evaluate_rows(problem: Any, evaluate: Evaluate, X: Genes) -> Outcome:
+    """Evaluate a batch; if that raises, each row by itself: functions of users may raise anything, for any row."""
+    try:
+        ours = type(problem).__module__.startswith("paretoik.")  # whose users' functions are limited one by one
+        with user_function("the problem"), nullcontext() if ours else limited_call("the problem"):
+            return Outcome.of(problem, evaluate(X.copy()), len(X))
+    except EvaluationFailed as failure:
+        if len(X) <= 1:
+            return replace(Outcome.of(problem, {}, len(X)), causes=dict.fromkeys(range(len(X)), str(failure)))
+    return joined([(np.array([row]), evaluate_rows(problem, evaluate, X[row : row + 1])) for row in range(len(X))])[1]
+
+
+def joined(parts: Sequence[tuple[Rows, Outcome]]) -> tuple[Rows, Outcome]:
+    """Return rows in order, each once, and their outcome."""
+    if len(parts) == 1:
+        return parts[0]
+    rows = np.concatenate([rows for rows, _ in parts])
+    order = np.unique(rows, return_index=True)[1]
+    F, G, H = (np.concatenate([getattr(part, name) for _, part in parts])[order] for name in ("F", "G", "H"))
+    causes = {int(rows[i]): cause for rows, part in parts for i, cause in part.causes.items()}
+    rows = rows[order]
+    return rows, Outcome(F=F, G=G, H=H, causes={i: causes[row] for i, row in enumerate(rows.tolist()) if row in causes})
+
+
+# The evaluation of a generation, in this process or in workers, from the journal of the run as far as that goes.
+
+
+@dataclass(frozen=True, kw_only=True)
+class EvaluationOptions:
+    """What is evaluated goes into the journal after so many ``seconds``, or half of them, not with its generation.
+
+    Workers are given ``rows`` at a time of a problem that takes many at once, however many workers there are.
+    """
+
+    seconds: float = 0.5
+    rows: int = 8
+
+
+OPTIONS = EvaluationOptions()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Evaluation:
+    """How rows of a ``problem`` are evaluated: by what function, and in how many ``seconds`` each, in workers."""
+
+    problem: Any
+    evaluate: Evaluate
+    seconds: float | None = None
+
+    @property
+    def is_row_by_row(self) -> bool:
+        """Whether the problem itself looks at one row after the other."""
+        return _elementwise(self.problem) and isinstance(self.problem.elementwise_runner, LoopedElementwiseEvaluation)
+
+    @property
+    def rows_of_a_task(self) -> int:
+        """Number of rows that workers are given at a time, whose time is taken together."""
+        return 1 if self.is_row_by_row or self.seconds is not None else OPTIONS.rows
+
+    @property
+    def has_own_runner(self) -> bool:
+        """Whether the problem itself has its rows evaluated elsewhere."""
+        return _elementwise(self.problem) and not self.is_row_by_row
+
+
+def evaluate_candidates(search: Search | Islands, candidates: Candidates, evaluation: Evaluation) -> Outcome:
+    """Return the outcome of a generation, from the run's journal where it is there.
+
+    Raises InvalidRun where the journal has that of other genes: then the search does not repeat itself. Where rows are
+    evaluated in workers, or by the problem one by one, raises Interrupted soon after a signal; what was evaluated by
+    then is in the journal.
+    """
+    genes = np.frombuffer(key_of("genes", candidates.X), np.uint8)
+    of = search.names, search.seed, candidates.generation
+
+    def compute() -> Values:
+        if candidates.generation == 0:
+            _check_rows_alone(evaluation, candidates.X)
+        return _table(_evaluate(evaluation, candidates.X, of)) | {"genes": genes}
+
+    values = remembered(key_of("generation", *of), compute)
+    if not np.array_equal(values["genes"], genes):
+        raise InvalidRun(
+            f"generation {candidates.generation + 1}: wanted the genes that the journal of the run has, got others: "
+            "the problem, a library's version or the processor is another"
+        )
+    return _outcome(values)
+
+
+def evaluate_again(search: Search | Islands, candidates: Candidates, evaluation: Evaluation) -> Objectives:
+    """Return F of the first row of a generation, evaluated once more; from the run's journal where it is there."""
+    of = search.names, search.seed, candidates.generation, "again"
+
+    def compute() -> Values:
+        return _table(_evaluate(evaluation, candidates.X[:1], of))
+
+    return remembered(key_of("again", search.names, search.seed, candidates.generation), compute)["F"]
+
+
+@dataclass(kw_only=True, eq=False)
+class _Parts:
+    """What is known of a generation's ``size`` rows, part by part; the last ``new`` ones are not in the journal yet."""
+
+    key: Callable[[int], bytes]
+    size: int
+    done: list[tuple[Rows, Outcome]] = field(default_factory=list)
+    remembered: int = 0
+    new: int = 0
+    since: float = field(default_factory=time.monotonic)
+
+    @property
+    def remaining(self) -> Rows:
+        """The rows that are not known."""
+        return np.setdiff1d(np.arange(self.size), np.concatenate([[], *(rows for rows, _ in self.done)])).astype(int)
+
+    def recall(self) -> None:
+        """Take what the journal has."""
+        while (values := recalled(self.key(self.remembered))) is not None:
+            self.done.append((values["rows"], _outcome(values)))
+            self.remembered += 1
+
+    def add(self, rows: Rows, outcome: Outcome) -> None:
+        """Take the outcome of some rows; after some time it goes into the journal."""
+        self.done.append((rows, outcome))
+        self.new += 1
+        if time.monotonic() - self.since >= OPTIONS.seconds / 2:
+            self.remember()
+
+    def remember(self) -> None:
+        """Let the journal have what is new, unless all is known: that is remembered as a generation."""
+        self.since = time.monotonic()
+        if self.new and len(self.remaining):
+            rows, outcome = joined(self.done[-self.new :])
+            remembered(self.key(self.remembered), lambda: {"rows": rows, **_table(outcome)})
+            self.remembered, self.new = self.remembered + 1, 0
+
+
+def _evaluate(evaluation: Evaluation, X: Genes, of: tuple[object, ...]) -> Outcome:
+    """Return the outcome of all rows, remembered in parts."""
+    parts = _Parts(key=lambda i: key_of("rows", *of, X, i), size=len(X))
+    parts.recall()
+    where = _evaluate_in_workers if workers() and not evaluation.has_own_runner else _evaluate_here
+    try:
+        for rows, outcome in where(evaluation, X, parts.remaining):
+            parts.add(rows, outcome)
+            check_interruption()
+    finally:
+        parts.remember()
+    return joined(parts.done)[1] if parts.done else evaluate_rows(evaluation.problem, evaluation.evaluate, X)
+
+
+def _evaluate_here(evaluation: Evaluation, X: Genes, rows: Rows) -> Iterator[tuple[Rows, Outcome]]:
+    """Yield rows with their outcome: all at once, but one by one, as many as may be done in their time."""
+    size = 1 if evaluation.is_row_by_row else max(len(X), 1)
+    while len(rows):
+        begin, part = time.monotonic(), rows[:size]
+        yield part, evaluate_rows(evaluation.problem, evaluation.evaluate, X[part])
+        each = max(time.monotonic() - begin, 1e-9) / size
+        rows, size = rows[size:], max(1, int(OPTIONS.seconds / each))
+
+
+def _evaluate_in_workers(evaluation: Evaluation, X: Genes, rows: Rows) -> Iterator[tuple[Rows, Outcome]]:
+    """Yield rows with their outcome, as workers return them; those that are lost, alone too, have failed."""
+    size = evaluation.rows_of_a_task
+    groups = [rows[first : first + size] for first in range(0, len(rows), size)]
+    again = list[Rows]()
+    results = distribute(_evaluate_group, evaluation, [X[group] for group in groups], seconds=evaluation.seconds)
+    for place, values in results:
+        if not isinstance(values, Lost):
+            yield groups[place], _outcome(values)
+        elif len(groups[place]) > 1:
+            again += [groups[place][i : i + 1] for i in range(len(groups[place]))]
+        else:
+            yield groups[place], _failed(evaluation, values)
+    for place, values in distribute(_evaluate_group, evaluation, [X[row] for row in again]):
+        yield again[place], _failed(evaluation, values) if isinstance(values, Lost) else _outcome(values)
+
+
+def _evaluate_group(evaluation: Evaluation, X: Genes) -> Values:
+    """Return the outcome of rows as plain arrays, in a worker."""
+    return _table(evaluate_rows(evaluation.problem, evaluation.evaluate, X))
+
+
+def _check_rows_alone(evaluation: Evaluation, X: Genes) -> None:
+    """Warn where a row's values depend, by rounding, on which rows are evaluated with it: then workers change them."""
+    size = evaluation.rows_of_a_task
+    if not workers() or evaluation.has_own_runner or size == 1 or len(X) <= size:
+        return
+    items = [X[:size], X[size : 2 * size], X[: 2 * size]]
+    tables: dict[int, Any] = dict(distribute(_evaluate_group, evaluation, items))
+    if any(isinstance(table, Lost) for table in tables.values()):
+        return
+    for name in ("F", "G", "H"):
+        if not np.array_equal(np.concatenate([tables[i][name] for i in (0, 1)]), tables[2][name], equal_nan=True):
+            text = (
+                f"workers: wanted rows whose values do not depend on the rows beside them, got a problem whose {name} "
+                "does; without workers the run comes to the same to rounding alone"
+            )
+            warn_user(text)
+            return
+
+
+def _failed(evaluation: Evaluation, lost: Lost) -> Outcome:
+    outcome = Outcome.of(evaluation.problem, {}, 1)
+    outcome.causes[0] = lost.cause
+    return outcome
+
+
+def _elementwise(problem: Any) -> bool:
+    return bool(getattr(problem, "elementwise", False)) and hasattr(problem, "elementwise_runner")
+
+
+def _table(outcome: Outcome) -> dict[str, np.ndarray]:
+    """Return an outcome as plain arrays."""
+    failed, causes = np.array(list(outcome.causes), dtype=np.int64), np.array(list(outcome.causes.values()), np.str_)
+    return {"F": outcome.F, "G": outcome.G, "H": outcome.H, "failed": failed, "causes": causes}
+
+
+def _outcome(values: Mapping[str, np.ndarray]) -> Outcome:
+    """Return plain arrays as an outcome."""
+    causes = dict(zip(values["failed"].tolist(), values["causes"].tolist(), strict=True))
+    return Outcome(F=values["F"], G=values["G"], H=values["H"], causes=causes)
 
 
 def evolve(

@@ -18,8 +18,7 @@ from paretoik.arrays import Genes, Ids, Objectives
 from paretoik.front import Front
 from paretoik.inputs import check_size
 from paretoik.search.archive import Failures
-from paretoik.search.ask_tell import Search
-from paretoik.search.candidates import Candidates, Outcome, archive_front
+from paretoik.search.ask_tell import Candidates, Outcome, Search, archive_front
 from paretoik.search.maximin import survivors
 
 

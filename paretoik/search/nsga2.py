@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,19 +13,179 @@ from pymoo.core.individual import Individual
 from pymoo.core.mutation import Mutation
 from pymoo.core.population import Population
 from pymoo.core.sampling import Sampling
+from pymoo.core.variable import get
 from pymoo.operators.crossover.sbx import SBX
 from pymoo.operators.mutation.pm import PM
 from pymoo.util.display.multi import MultiObjectiveOutput
 
-from paretoik.call_arguments import check_call
+from paretoik.arrays import Genes, Ids, Mask, Objectives, Values
 from paretoik.errors import InvalidInput
-from paretoik.inputs import check_count, check_instance, check_size, shown
-from paretoik.search.constraints import EQUALITY_TOLERANCE, TOLERANCE
-from paretoik.search.mating import BranchwiseMating
-from paretoik.search.maximin import MaxiMin, check_infeasible_share, column
-from paretoik.search.seeding import SMALLEST_POPULATION, check_bounds, check_sizes, seeded_population
-from paretoik.search.variables import Operators, check_sampling, has_real_genes, operators_for, samples_bits
+from paretoik.inputs import check_call, check_count, check_instance, check_size, shown
+from paretoik.search.genes import (
+    SMALLEST_POPULATION,
+    Operators,
+    check_bounds,
+    check_sampling,
+    check_sizes,
+    has_real_genes,
+    operators_for,
+    samples_bits,
+    seeded_population,
+    widths_of,
+    within_reach,
+)
+from paretoik.search.maximin import MaxiMin, check_infeasible_share, column, dominates
+from paretoik.search.objectives import EQUALITY_TOLERANCE, TOLERANCE, Integers
 from paretoik.tables import html_representation
+
+# Mating: tournaments, crossover within a species, mutation that may leave it.
+#
+# A problem may offer ``species(X) -> (points,)`` integer labels; crossing two labels makes infeasible children, so
+# only equals mate. It may also offer ``species_gene``, the index of a gene whose integer part is the label, and
+# ``n_species``: crossover and mutation leave that gene alone, and now and then it jumps to another label. Where the
+# problem can say the same thing under another label, ``translated(X, labels) -> X``, the offspring is translated, so
+# that species learn from each other.
+
+
+@dataclass(frozen=True, kw_only=True)
+class MatingOptions:
+    """Settings of mating; chosen here."""
+
+    even_share: float = 0.5  # of tournaments, spread evenly over species: one that is behind may have the better end
+    migration_probability: float = 0.05  # that an offspring is moved to another species
+    rounds: int = 20  # of mating, for offspring that are new
+
+
+OPTIONS = MatingOptions()
+
+
+@dataclass(frozen=True, eq=False)
+class Parents:
+    """A population as arrays, each with a row an individual."""
+
+    X: Genes
+    F: Objectives
+    violation: Values
+    rank: Ids
+    spacing: Values
+    species: Ids
+
+
+class BranchwiseMating:
+    """pymoo mating on whole arrays: binary tournaments by rank, then spacing; then the two operators.
+
+    ``crossover`` and ``mutation`` are pymoo operators of real genes. Of two parents both win a tournament; of three, as
+    a ``Differential`` has them, the first, and the others are drawn from its species. With ``infeasible_parents`` an
+    infeasible point beats a feasible one that it dominates.
+    """
+
+    def __init__(self, crossover: Any, mutation: Any, *, infeasible_parents: bool = False) -> None:
+        if crossover.n_parents not in (2, 3):
+            raise InvalidInput(f"crossover: an operator of 2 or 3 parents wanted, got {crossover.n_parents}")
+        self.crossover = crossover
+        self.mutation = mutation
+        self.infeasible_parents = infeasible_parents
+        self.widths: Values = np.zeros(1)  # of the widest population so far, along every gene
+
+    def do(self, problem: Any, pop: Any, n_offsprings: int, *, random_state: np.random.Generator, **kwargs: Any) -> Any:
+        """Return a pymoo population of ``n_offsprings`` that repeat neither each other nor their parents.
+
+        Where there are not so many different genes the last are copies. pymoo also passes ``algorithm``.
+        """
+        X = column(pop, "X")
+        self.widths = np.maximum(self.widths, widths_of(X))
+        parents = Parents(
+            X=X,
+            F=column(pop, "F"),
+            violation=column(pop, "CV")[:, 0],
+            rank=np.array([individual.data["rank"] for individual in pop]),
+            spacing=np.array([individual.data["crowding"] for individual in pop]),
+            species=problem.species(X) if hasattr(problem, "species") else np.zeros(len(X), dtype=np.int64),
+        )
+        seen = {row.tobytes() for row in X + 0.0}
+        offspring: list[Genes] = []
+        for attempt in range(OPTIONS.rounds):
+            for row in self._offspring(problem, parents, n_offsprings - len(offspring), random_state):
+                key = (row + 0.0).tobytes()
+                if len(offspring) < n_offsprings and (key not in seen or attempt == OPTIONS.rounds - 1):
+                    seen.add(key)
+                    offspring.append(row)
+            if len(offspring) == n_offsprings:
+                break
+        return Population.new("X", np.array(offspring))
+
+    def _offspring(self, problem: Any, parents: Parents, count: int, rng: np.random.Generator) -> Genes:
+        matings = -(-count // self.crossover.n_offsprings)
+        chosen = self._select_parents(parents, matings, rng)
+        couples = parents.X[chosen]
+        reach = within_reach(problem, parents.X, self.widths)
+        children = np.array(self.crossover._do(reach, couples, random_state=rng))
+        uncrossed = rng.random(matings) >= get(self.crossover.prob)
+        children[:, uncrossed] = couples[: len(children), uncrossed]
+        gene = getattr(problem, "species_gene", None)
+        if gene is not None:
+            children[..., gene] = couples[: len(children), :, gene]
+        return self._mutate(problem, reach, children.reshape(-1, problem.n_var), gene, rng)
+
+    def _select_parents(self, parents: Parents, matings: int, rng: np.random.Generator) -> Integers:
+        pool = np.concatenate([rng.permutation(len(parents.X)) for _ in range(-(-2 * matings // len(parents.X)))])
+        rivals = self._spread_over_species(parents.species, pool[: 2 * matings].reshape(2, matings), rng)
+        first = self._select_winners(parents, rivals[0], rivals[1], rng)
+        others = _draw_from_species(parents.species, np.concatenate((first, first)), rng)
+        if self.crossover.n_parents == 3:
+            return np.stack((first, others[:matings], others[matings:]))
+        return np.stack((first, self._select_winners(parents, others[:matings], others[matings:], rng)))
+
+    def _spread_over_species(self, species: Integers, rivals: Integers, rng: np.random.Generator) -> Integers:
+        """Let some of the tournaments (2, matings) be held within one species, every species in its turn as likely."""
+        labels, members = np.unique(species, return_index=True)
+        if len(labels) == 1:
+            return rivals
+        even = np.less(rng.random(rivals.shape[1]), OPTIONS.even_share)
+        individuals = members[rng.integers(0, len(labels), size=int(even.sum()))]
+        for rival in rivals:
+            rival[even] = _draw_from_species(species, individuals, rng)
+        return rivals
+
+    def _mutate(self, problem: Any, reach: Any, X: Genes, gene: int | None, rng: np.random.Generator) -> Genes:
+        mutated = np.array(self.mutation._do(reach, X, random_state=rng))
+        unchanged = rng.random(len(X)) > get(self.mutation.prob)
+        mutated[unchanged] = X[unchanged]
+        if gene is None:
+            return mutated
+        mutated[:, gene] = X[:, gene]
+        migrants = np.flatnonzero(rng.random(len(X)) < OPTIONS.migration_probability)
+        if problem.n_species > 1 and migrants.size:
+            step = rng.integers(1, problem.n_species, size=migrants.size)
+            labels = (np.floor(X[migrants, gene]).astype(np.int64) + step) % problem.n_species
+            if hasattr(problem, "translated"):
+                mutated[migrants] = problem.translated(mutated[migrants], labels)
+            else:
+                mutated[migrants, gene] = labels + 0.5
+        return mutated
+
+    def _select_winners(self, parents: Parents, a: Integers, b: Integers, rng: np.random.Generator) -> Integers:
+        """Index of the better of each pair: less violation, better rank, larger spacing, chance."""
+        won: Mask = np.zeros(len(a), dtype=bool)
+        tied: Mask = np.ones(len(a), dtype=bool)
+        for key in (parents.violation, parents.rank, -parents.spacing):
+            won |= tied & (key[a] < key[b])
+            tied &= key[a] == key[b]
+        won |= tied & (rng.random(len(a)) < 0.5)
+        if self.infeasible_parents:
+            mixed = (parents.violation[a] > 0) != (parents.violation[b] > 0)
+            won = np.where(mixed & dominates(parents.F[a], parents.F[b]), True, won)
+            won = np.where(mixed & dominates(parents.F[b], parents.F[a]), False, won)
+        return np.where(won, a, b)
+
+
+def _draw_from_species(species: Integers, individuals: Integers, rng: np.random.Generator) -> Integers:
+    """Draw for each individual one of its species, itself included."""
+    by_species = np.argsort(species, kind="stable")
+    labels, first, sizes = np.unique(species[by_species], return_index=True, return_counts=True)
+    group = np.searchsorted(labels, species[individuals])
+    mates: Integers = by_species[first[group] + rng.integers(0, sizes[group])]
+    return mates
 
 
 @check_call

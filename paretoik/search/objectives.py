@@ -2,11 +2,69 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypeAlias
+
+import numpy as np
+from jaxtyping import Float, Int
+from numpy.typing import ArrayLike
 
 from paretoik.errors import InvalidInput
-from paretoik.front.names import check_names
-from paretoik.inputs import check_flag, shown
+from paretoik.front.points import check_names
+from paretoik.inputs import check_flag, real_array, shown
+
+# How much a point violates its constraints.
+
+
+Floats: TypeAlias = Float[np.ndarray, "..."]  # of a shape that the docstring says
+Integers: TypeAlias = Int[np.ndarray, "..."]
+
+TOLERANCE = 1e-9
+EQUALITY_TOLERANCE = 1e-4
+
+
+def violations(
+    F: Floats,
+    G: Floats | None = None,
+    H: Floats | None = None,
+    *,
+    tolerance: ArrayLike = TOLERANCE,
+    equality_tolerance: ArrayLike = EQUALITY_TOLERANCE,
+) -> Floats:
+    """Sum each point's constraint excesses: 0 is feasible, inf a point that has no usable number.
+
+    ``F`` (points, n_obj), ``G`` (points, n_ieq) wanted <= 0 and already divided by each limit's range, ``H`` (points,
+    n_eq) wanted 0. An excess up to its tolerance (one number, or one a column) counts as none; any other counts whole.
+    A NaN constraint or a non-finite objective makes the violation inf.
+    """
+    total = np.zeros(len(F))
+    with np.errstate(invalid="ignore"):
+        if G is not None and G.shape[1]:
+            slack = column_tolerance("tolerance", tolerance, G.shape[1])
+            total += np.where(slack < G, G, 0.0).sum(axis=1)
+            total[np.isnan(G).any(axis=1)] = np.inf
+        if H is not None and H.shape[1]:
+            excess = np.abs(H)
+            slack = column_tolerance("equality_tolerance", equality_tolerance, H.shape[1])
+            total += np.where(excess > slack, excess, 0.0).sum(axis=1)
+            total[np.isnan(H).any(axis=1)] = np.inf
+    total[~np.isfinite(F).all(axis=1)] = np.inf
+    return total
+
+
+def check_tolerance(name: str, tolerance: object) -> Floats:
+    """Return a tolerance, or one a constraint, as floats; raises InvalidInput for a negative one or NaN."""
+    values = real_array(name, tolerance)
+    if values.ndim > 1 or not (values >= 0).all():
+        raise InvalidInput(f"{name}: numbers >= 0 wanted, got {shown(values.tolist())}")
+    return values
+
+
+def column_tolerance(name: str, tolerance: ArrayLike, columns: int) -> Floats:
+    """Give one tolerance a constraint; raise InvalidInput for a wrong count, a negative one or NaN."""
+    values = check_tolerance(name, tolerance)
+    if values.shape not in ((), (columns,)):
+        raise InvalidInput(f"{name}: one number or {columns} (one a constraint) wanted, got shape {values.shape}")
+    return np.broadcast_to(values, (columns,))
 
 
 def describe_objectives(problem: Any) -> tuple[tuple[str, ...], tuple[str, ...], tuple[bool, ...]]:

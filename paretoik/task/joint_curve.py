@@ -19,7 +19,7 @@ from paretoik.autodiff.differentiation import gradient, tangents
 from paretoik.autodiff.evaluator import Evaluator
 from paretoik.autodiff.tape import Tape, as_entry
 from paretoik.robot.arm import Arm
-from paretoik.robot.scales import joint_scales
+from paretoik.robot.kinematics import joint_scales
 from paretoik.tables import field_representation, html_representation
 from paretoik.task.retraction import compiled_steps, path_evaluator, row_scales
 from paretoik.task.task import Task, path_equations, path_jacobian

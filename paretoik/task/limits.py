@@ -9,15 +9,16 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.call_arguments import check_call
-from paretoik.errors import InvalidInput
+from paretoik.errors import InvalidInput, warn_user
 from paretoik.inputs import (
+    check_call,
     check_function,
     check_magnitude,
     check_size,
     check_text,
     degrees_hint,
     finite_number,
+    function_name,
     likely_spelling,
     listed,
     positive_number,
@@ -26,12 +27,10 @@ from paretoik.inputs import (
     shown,
 )
 from paretoik.robot.arm import Arm, check_arm
-from paretoik.robot.scales import characteristic_length, joint_scales
+from paretoik.robot.kinematics import characteristic_length, joint_scales
 from paretoik.tables import field_representation, html_representation
 from paretoik.task.motion import Motion
 from paretoik.task.objectives import Form, Function, check_form, evaluate_function, evaluate_integral
-from paretoik.user_functions import function_name
-from paretoik.user_warnings import warn_user
 
 LIMIT_TOLERANCE = 1e-9  # share of a limit or its range that is rounding
 LIMITED = {"position": "q", "velocity": "dq", "acceleration": "ddq", "torque": "torque", "power": "power"}  # of Motion

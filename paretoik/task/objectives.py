@@ -10,13 +10,21 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 import numpy as np
 
 from paretoik.arrays import Values
-from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
-from paretoik.inputs import check_choice, check_flag, check_function, check_text
+from paretoik.inputs import (
+    cause_of,
+    check_call,
+    check_choice,
+    check_flag,
+    check_function,
+    check_text,
+    function_name,
+    limited_call,
+    user_function,
+)
 from paretoik.tables import html_representation
 from paretoik.task.motion import Motion
 from paretoik.task.traced_motion import has_kinks
-from paretoik.user_functions import cause_of, function_name, limited_call, user_function
 
 Form = Literal["integral", "peak", "terminal", "general"]
 Function = Callable[[Motion], np.ndarray]

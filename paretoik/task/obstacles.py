@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from functools import reduce
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import Vector3
-from paretoik.call_arguments import check_call
 from paretoik.errors import InvalidInput
-from paretoik.inputs import ArrayLike, check_magnitude, finite_array, positive_number
+from paretoik.inputs import ArrayLike, check_call, check_magnitude, finite_array, positive_number
 from paretoik.robot.pose import Pose, check_pose
 from paretoik.tables import field_representation, html_representation
 
@@ -114,3 +115,203 @@ def _freeze(obstacle: object, **fields: object) -> None:
         if isinstance(value, np.ndarray):
             value.setflags(write=False)
         object.__setattr__(obstacle, name, value)
+
+
+# Distances of an arm's links from obstacles.
+#
+# Every obstacle is convex and has a signed distance to its surface, negative inside. A link is a capsule: the points
+# within a radius of the segment between two consecutive nodes of the arm.
+
+
+if TYPE_CHECKING:
+    Numbers: TypeAlias = np.ndarray
+else:
+    Numbers = Any  # where derivatives are taken, expressions come in and go out
+Components: TypeAlias = Sequence[Numbers]  # x, y and, in space, z, each an array of its own
+
+
+def clearance(
+    obstacles: Sequence[Obstacle], nodes: Float[np.ndarray, "*batch nodes 3"], radius: ArrayLike = 0.0
+) -> Float[np.ndarray, "*batch"]:
+    """Smallest signed distance [m] from an arm's links to any obstacle, negative where a link is inside one.
+
+    ``nodes`` are the positions of the arm's joints and tool in order; ``radius`` [m] is that of all links, or an
+    array of one for each. A positive clearance is the exact distance; a negative one is the depth of the deepest point
+    of a link's axis, plus the link's radius.
+
+    Raises
+    ------
+    InvalidInput
+        For no obstacles, fewer than 2 nodes, or radii that are negative or match neither one nor every link.
+
+    >>> from paretoik.task.obstacles import Circle
+    >>> elbow = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.5, 0.5, 0.0]])
+    >>> float(clearance([Circle([0.2, 0.3], 0.1)], elbow, radius=0.05).round(12))
+    0.15
+    """
+    if len(obstacles) == 0:
+        raise InvalidInput("clearance: must be given at least one obstacle")
+    if nodes.ndim < 2 or nodes.shape[-2] < 2:
+        raise InvalidInput(f"clearance: nodes must have shape (..., 2 or more, 3), got {nodes.shape}")
+    links = nodes.shape[-2] - 1
+    radii = finite_array("link radius", radius)
+    if radii.shape not in ((), (links,)):
+        raise InvalidInput(f"link radius: must be one or one for each of the {links} links, got shape {radii.shape}")
+    if radii.min() < 0:
+        raise InvalidInput(f"link radius: must not be negative, got {radii.min():g} m")
+    distances = [signed_distance(obstacle, nodes[..., :-1, :], nodes[..., 1:, :]) - radii for obstacle in obstacles]
+    return np.asarray(reduce(np.minimum, [distance.min(axis=-1) for distance in distances]))
+
+
+def closest_pair(obstacles: Sequence[Obstacle], nodes: Float[np.ndarray, "nodes 3"], radius: ArrayLike = 0.0) -> str:
+    """Return in words which link of a posture is nearest to which obstacle, both counted from 1."""
+    starts, ends = nodes[:-1], nodes[1:]
+    distances = np.stack([signed_distance(obstacle, starts, ends) for obstacle in obstacles]) - np.asarray(radius)
+    obstacle, link = np.unravel_index(int(np.argmin(distances)), distances.shape)
+    shape = type(obstacles[int(obstacle)]).__name__.lower()
+    return f"{f'link {link}' if link else 'the base'} and obstacle {int(obstacle) + 1}, a {shape}"
+
+
+def signed_distance(
+    obstacle: Obstacle, starts: Float[np.ndarray, "*#batch 3"], ends: Float[np.ndarray, "*#batch 3"]
+) -> Float[np.ndarray, "*batch"]:
+    """Smallest signed distance [m] to an obstacle's surface along segments, or points; negative inside.
+
+    Closed forms, exact to rounding. NaN in gives NaN out.
+
+    Raises
+    ------
+    InvalidInput
+        For points that are not real or not 3-D.
+
+    >>> from paretoik.task.obstacles import Box
+    >>> box = Box([0.0, 0.0, 0.0], half_sizes=[0.1, 0.2, 0.3])
+    >>> signed_distance(box, np.array([[1.0, 0, 0], [0.1, 0, 0.0]]), np.array([[0.5, 0, 0], [0.02, 0, 0]])).round(12)
+    array([ 0.4 , -0.08])
+    """
+    for points in (starts, ends):
+        if points.dtype.kind not in "iuf" or points.shape[-1:] != (3,):
+            raise InvalidInput(f"segments: must be real points (..., 3), got {points.dtype} of shape {points.shape}")
+    starts, ends = np.broadcast_arrays(starts, ends)
+    distances = distance_components(obstacle, _components(starts.reshape(-1, 3)), _components(ends.reshape(-1, 3)))
+    return distances.reshape(starts.shape[:-1])
+
+
+def distance_components(obstacle: Obstacle, start: Components, end: Components) -> Numbers:
+    """Return ``signed_distance`` of components: plain NumPy, so that it can be traced for derivatives."""
+    if isinstance(obstacle, Box):
+        position = _components(obstacle.pose.position[None])
+        axes = [_components(axis[None]) for axis in obstacle.pose.rotation.T[: len(obstacle.half_sizes)]]
+        first, last = ([_dot(axis, _minus(points, position)) for axis in axes] for points in (start, end))
+        return _segment_to_box(first, last, obstacle.half_sizes)
+    if isinstance(obstacle, Capsule):
+        axis = _components(obstacle.start[None]), _components(obstacle.end[None])
+        return _between_segments(start, end, *axis) - obstacle.radius
+    center = _components(obstacle.center[None])
+    return _point_to_segment(center, start[: len(center)], end[: len(center)]) - obstacle.radius
+
+
+def _point_to_segment(point: Components, start: Components, end: Components) -> Numbers:
+    step = _minus(end, start)
+    offset = _minus(point, start)
+    fraction = _fraction(_dot(offset, step), _dot(step, step))
+    return _length([r - fraction * d for r, d in zip(offset, step, strict=True)])
+
+
+def _between_segments(start: Components, end: Components, other_start: Components, other_end: Components) -> Numbers:
+    """Distance of two segments: at an end of one, or where their lines are nearest if that is within both."""
+    step, other_step, offset = _minus(end, start), _minus(other_end, other_start), _minus(other_start, start)
+    normal = _cross(step, other_step)  # products with it keep their digits for nearly parallel segments
+    size = _dot(normal, normal)
+    fraction = _fraction(_dot(_cross(offset, other_step), normal), size)
+    other_fraction = _fraction(_dot(_cross(offset, step), normal), size)
+    distances = [
+        _length([r + other_fraction * e - fraction * d for r, d, e in zip(offset, step, other_step, strict=True)]),
+        _point_to_segment(start, other_start, other_end),
+        _point_to_segment(end, other_start, other_end),
+        _point_to_segment(other_start, start, end),
+        _point_to_segment(other_end, start, end),
+    ]
+    smallest: np.ndarray = reduce(np.minimum, distances)
+    return smallest
+
+
+def _segment_to_box(start: Components, end: Components, half_sizes: np.ndarray) -> Numbers:
+    """Signed distance of a segment to the box of ``half_sizes`` about the origin.
+
+    Outside, the squared distance is convex along the segment and quadratic between the points where the segment crosses
+    a plane of the box. Its derivative grows, linearly between those points: its zero lies between the last point with a
+    derivative of at most 0 and the first with one of at least 0.
+    """
+    step = _minus(end, start)
+
+    def outside(fraction: np.ndarray) -> Components:
+        points = [a + fraction * d for a, d in zip(start, step, strict=True)]
+        return [p - np.clip(p, -h, h) for p, h in zip(points, half_sizes, strict=True)]
+
+    low, high = 0.0 * step[0], 0.0 * step[0] + 1.0
+    low_slope, high_slope = _dot(outside(low), step), _dot(outside(high), step)
+    for a, d, h in zip(start, step, half_sizes, strict=True):
+        for plane in (-h, h):
+            fraction = _fraction((plane - a) * d, d * d)
+            slope = _dot(outside(fraction), step)
+            falls, rises = (slope <= 0) & (fraction > low), (slope >= 0) & (fraction < high)
+            low, low_slope = np.where(falls, fraction, low), np.where(falls, slope, low_slope)
+            high, high_slope = np.where(rises, fraction, high), np.where(rises, slope, high_slope)
+    nearest: np.ndarray = low + (high - low) * _fraction(-low_slope, high_slope - low_slope)
+    distances = _length(outside(nearest))
+    touching = distances < 1e-9 * half_sizes.max()
+    if not isinstance(touching, np.ndarray):  # traced for derivatives: both branches are recorded
+        return np.where(touching, np.minimum(_depth(start, step, half_sizes), distances), distances)
+    if touching.any():
+        depths = _depth([a[touching] for a in start], [d[touching] for d in step], half_sizes)
+        distances[touching] = np.where(depths < 0, depths, distances[touching])
+    return distances
+
+
+def _depth(start: Components, step: Components, half_sizes: np.ndarray) -> Numbers:
+    """Signed distance of segments that enter the box: the minimum along them of max(|p| - half size).
+
+    That is the maximum of one rising and one falling line for each axis, smallest at an end or where a rising line
+    crosses a falling one.
+    """
+    lines = list(zip(start, step, half_sizes, strict=True))
+    fractions = [0.0 * step[0], 0.0 * step[0] + 1.0]
+    for a, d, h in lines:
+        for b, e, k in lines:
+            rising, falling = np.where(d < 0, -a, a) - h, np.where(e < 0, b, -b) - k
+            fractions.append(_fraction(falling - rising, np.abs(d) + np.abs(e)))
+    largest = [reduce(np.maximum, [np.abs(a + fraction * d) - h for a, d, h in lines]) for fraction in fractions]
+    smallest: np.ndarray = reduce(np.minimum, largest)
+    return smallest
+
+
+def _fraction(part: Numbers, whole: Numbers) -> Numbers:
+    """Return part / whole within [0, 1], and 0 where the whole is not positive."""
+    positive = whole > 0
+    with np.errstate(over="ignore", invalid="ignore"):
+        fractions = np.where(positive, part / np.where(positive, whole, 1.0), 0.0)
+    clipped: np.ndarray = np.clip(fractions, 0.0, 1.0)
+    return clipped
+
+
+def _components(points: np.ndarray) -> Components:
+    return list(np.ascontiguousarray(points.T))
+
+
+def _minus(left: Components, right: Components) -> Components:
+    return [a - b for a, b in zip(left, right, strict=True)]
+
+
+def _dot(left: Components, right: Components) -> Numbers:
+    return sum((a * b for a, b in zip(left, right, strict=True)), start=np.zeros(()))
+
+
+def _cross(left: Components, right: Components) -> Components:
+    (a, b, c), (x, y, z) = left, right
+    return [b * z - c * y, c * x - a * z, a * y - b * x]
+
+
+def _length(vector: Components) -> Numbers:
+    length: np.ndarray = np.sqrt(_dot(vector, vector))
+    return length

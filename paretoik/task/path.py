@@ -2,20 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import TypeAlias, cast
 
 import numpy as np
 from jaxtyping import Float
+from scipy.ndimage import maximum_filter1d
 
 from paretoik.arrays import Times, read_only
-from paretoik.call_arguments import check_call
-from paretoik.errors import InvalidInput
-from paretoik.inputs import ArrayLike, check_magnitude, check_size, finite_array, positive_number, shown
-from paretoik.robot.pose import quaternion_to_matrix, rotation_vector
+from paretoik.errors import InvalidInput, warn_user
+from paretoik.inputs import (
+    ArrayLike,
+    check_call,
+    check_magnitude,
+    check_size,
+    finite_array,
+    finite_number,
+    positive_number,
+    shown,
+)
+from paretoik.robot.pose import Pose, check_pose, quaternion_to_matrix, rotation_vector
 from paretoik.tables import html_representation
-from paretoik.task.curves import CLOSURE_TOLERANCE, Curve, Line, Rates, SmoothCurve
-from paretoik.task.differences import with_midpoints
+from paretoik.task.curves import CLOSURE_TOLERANCE, Circle, Curve, Line, Rates, SmoothCurve, TimedCurve, interpolate
+from paretoik.task.sampling import with_midpoints
 
 DIFFERENCE_STEP = 1e-4  # share of the duration, for paths whose curve has no derivatives
 
@@ -213,3 +223,265 @@ def rotation_angles(quaternions: np.ndarray) -> np.ndarray:
     matrices = quaternion_to_matrix(quaternions)
     angles: np.ndarray = np.linalg.norm(rotation_vector(np.swapaxes(matrices[:-1], -1, -2) @ matrices[1:]), axis=-1)
     return angles
+
+
+# How paths are made: straight lines, circles, splines through waypoints, and poses at given times.
+
+
+@dataclass(frozen=True, kw_only=True)
+class PathOptions:
+    """What no path goes beyond, and what of taught points is a warning."""
+
+    most_turns: float = 1e6  # of a circle, whose position is then exact to 1e-9 of the radius
+    near: float = 0.01  # share of the distances around it, a smaller one of two points is a warning
+    around: int = 3  # distances before and after
+    turned: float = 1e-3  # rad: points with more between them are apart, however near
+    backwards: float = 0.01  # share of the median distance of points, a longer way backwards is a warning
+    overshoot: float = 0.25  # share of the shorter step at a corner of more than 90°: as far backwards is no warning
+    pieces: int = 32  # of the curve between two points
+
+
+OPTIONS = PathOptions()
+
+
+@check_call
+def line(
+    start: Pose | ArrayLike,
+    end: Pose | ArrayLike,
+    *,
+    duration: float,
+    samples: int = 101,
+    timing: str = "raised-cosine",
+) -> Path:
+    """Straight path between two points (2-D or 3-D) [m], or two poses, in ``duration`` [s] by a time law.
+
+    Between poses the orientation turns at the same law about one axis, by at most half a turn (the geodesic).
+
+    Raises
+    ------
+    InvalidInput
+        For ends of different kinds or at the same place, a bad duration, fewer than 3 samples, an unknown time law.
+
+    >>> path = line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0)
+    >>> path
+    Path(101 2-D points, 1 s)
+    >>> path.at(0.5)[0].round(5)
+    array([0.28305, 0.0763 ])
+    """
+    times = even_times(duration, samples)
+    if isinstance(start, Pose) and isinstance(end, Pose):
+        check_pose("line start", start)
+        check_pose("line end", end)
+        rotation = rotation_vector(start.rotation.T @ end.rotation)
+        shape = Line(start.position, end.position - start.position, start.quaternion, rotation)
+    elif isinstance(start, Pose) or isinstance(end, Pose):
+        raise InvalidInput("line: start and end must both be poses or both be points, got one of each")
+    else:
+        origin, goal = _point("line start", start), _point("line end", end)
+        if len(origin) != len(goal):
+            raise InvalidInput(f"line: start and end must both be 2-D or 3-D, got {len(origin)}-D and {len(goal)}-D")
+        shape = Line(origin, goal - origin, None, np.zeros(3))
+    length = CLOSURE_TOLERANCE * np.linalg.norm(shape.origin)  # that rounding leaves
+    if np.linalg.norm(shape.step) <= length and np.linalg.norm(shape.rotation_vector) <= CLOSURE_TOLERANCE:
+        raise InvalidInput(f"line: start and end must be apart, got both at {shape.origin.tolist()}")
+    return sample_curve(TimedCurve(shape, times[-1], timing), times)
+
+
+@check_call
+def circle(
+    center: Pose | ArrayLike,
+    radius: float,
+    *,
+    duration: float,
+    samples: int = 101,
+    start_angle: float = 0.0,
+    turns: float = 1,
+    timing: str = "raised-cosine",
+    normal: ArrayLike | None = None,
+) -> Path:
+    """Circle of ``radius`` [m] about ``center``, ``turns`` times round in ``duration`` [s] (a part of 1 is an arc).
+
+    A 2-D or 3-D ``center`` gives a path of points; a 3-D circle goes round counter-clockwise about ``normal`` (default
+    +z) and counts ``start_angle`` [rad] from the direction of +x in its plane (of +y where the normal is along x). A
+    pose gives a path of poses: a circle in the pose's own xy-plane, counted from its own x, all in the pose's
+    orientation. Negative ``turns`` go the other way round.
+
+    Raises
+    ------
+    InvalidInput
+        For a radius that is not positive, no turns, a zero normal or one with nothing to do, and as ``line`` does.
+
+    >>> circle([0.5, 0.0], 0.1, duration=2.0, start_angle=np.pi).positions[0].round(12)
+    array([0.4, 0. ])
+    """
+    times = even_times(duration, samples)
+    radius = positive_number("circle radius", radius, "m")
+    number = finite_number("circle turns", turns)
+    if not 0 < abs(number) <= OPTIONS.most_turns:
+        raise InvalidInput(f"circle turns: must not be 0, and {OPTIONS.most_turns:g} at most, got {number:g}")
+    sweep = 2 * np.pi * number
+    phase = finite_number("circle start_angle", start_angle)
+    origin = center.position if isinstance(center, Pose) else _point("circle center", center)
+    if isinstance(center, Pose):
+        check_pose("circle center", center)
+        axes = center.rotation.T[:2]
+    elif len(origin) == 2:
+        axes = np.eye(2)
+    else:
+        axes = _plane_axes((0.0, 0.0, 1.0) if normal is None else normal)
+    if normal is not None and (isinstance(center, Pose) or len(origin) == 2):
+        center_kind = "a pose, which has its own plane" if isinstance(center, Pose) else "a 2-D point"
+        raise InvalidInput(
+            f"circle normal: must be None unless the center is a 3-D point, got a normal and {center_kind}"
+        )
+    orientation = center.quaternion if isinstance(center, Pose) else None
+    shape = Circle(origin, radius * axes, phase, sweep, orientation)
+    return sample_curve(TimedCurve(shape, times[-1], timing), times)
+
+
+@check_call
+def waypoints(
+    points: Sequence[Pose] | Pose | ArrayLike,
+    *,
+    duration: float,
+    samples: int = 101,
+    timing: str = "raised-cosine",
+) -> Path:
+    """Smooth path through all ``points``: an array (n, 2 or 3) [m] or a sequence of poses, in ``duration`` [s].
+
+    A C² cubic spline over the chord length between the points (over the angle between them where poses only turn),
+    periodic if the last point is the first again, with SciPy's ``RotationSpline`` for orientations. ``timing`` governs
+    the chord length covered. The samples are even in time, so in general none falls on a point between the ends.
+
+    Raises
+    ------
+    InvalidInput
+        For fewer than 2 points, one that is where the last one was (with its index), and as ``line`` does.
+
+    >>> path = waypoints([[0, 0], [1, 1], [2, 0]], duration=1.0)
+    >>> path.at(0.5)[0].round(12)
+    array([1., 1.])
+    """
+    times = even_times(duration, samples)
+    positions, quaternions = _points_or_poses("waypoints: points", points)
+    if len(positions) < 2:
+        raise InvalidInput(f"waypoints: must be at least 2, got {len(positions)}")
+    lengths = np.linalg.norm(np.diff(positions, axis=0), axis=1)
+    shortest = CLOSURE_TOLERANCE * np.linalg.norm(positions, axis=1).max()
+    if quaternions is not None and lengths.max() <= shortest:
+        lengths, shortest = rotation_angles(quaternions), CLOSURE_TOLERANCE
+    repeated = np.flatnonzero(lengths <= shortest)
+    if len(repeated):
+        first = int(repeated[0])
+        raise InvalidInput(f"waypoints: must differ from one to the next, got the same for {first} and {first + 1}")
+    knots = np.concatenate([[0.0], np.cumsum(lengths) / lengths.sum()])
+    knots[-1] = 1.0
+    curve = interpolate(knots, positions, quaternions)
+    _warn_of_taught_points("waypoints: points", curve, knots, positions, quaternions)
+    return sample_curve(TimedCurve(curve, times[-1], timing), times)
+
+
+@check_call
+def poses(times: ArrayLike, poses: Sequence[Pose] | Pose | ArrayLike) -> Path:
+    """Path through ``poses`` at ``times`` [s]: a sequence of poses, or an array of points (time, 2 or 3) [m].
+
+    The given times, which start at 0, are the samples. Between them runs a C² cubic spline, periodic if the last
+    position is the first again, with SciPy's ``RotationSpline`` for orientations.
+
+    Raises
+    ------
+    InvalidInput
+        For times that do not increase (with the index) or start at 0, fewer than 3, or more or fewer than the poses.
+
+    >>> poses([0.0, 0.2, 1.0], [[0.5, 0.0], [0.5, 0.1], [0.5, 0.3]]).at(0.2)[0].round(12)
+    array([0.5, 0.1])
+    """
+    instants = finite_array("path times", times)
+    if instants.ndim != 1:
+        raise InvalidInput(f"path times: must be one row of numbers, got shape {instants.shape}")
+    positions, quaternions = _points_or_poses("poses", poses)
+    if len(instants) != len(positions):
+        raise InvalidInput(f"poses: must be one for each time, got {len(positions)} for {len(instants)} times")
+    check_instants(instants)
+    curve = interpolate(instants, positions, quaternions)
+    _warn_of_taught_points("poses: samples", curve, instants, positions, quaternions)
+    return sample_curve(curve, instants)
+
+
+def _warn_of_taught_points(
+    name: str,
+    curve: SmoothCurve,
+    knots: Times,
+    positions: Float[np.ndarray, "points axes"],
+    quaternions: Float[np.ndarray, "points 4"] | None,
+) -> None:
+    """Warn of points that are far nearer to each other than those around them, and of a curve that runs backwards.
+
+    Backwards is against the step from one point to the next; if there is no step, any way away from the point is.
+    """
+    steps = np.diff(positions, axis=0)
+    lengths = np.linalg.norm(steps, axis=1)
+    around = maximum_filter1d(lengths, 2 * OPTIONS.around + 1, mode="nearest")
+    near = (lengths < OPTIONS.near * around) & (lengths > CLOSURE_TOLERANCE * np.linalg.norm(positions, axis=1).max())
+    if quaternions is not None:
+        near &= rotation_angles(quaternions) < OPTIONS.turned
+    if near.any():
+        k = int(np.argmin(np.where(near, lengths / np.maximum(around, 1e-300), np.inf)))
+        warn_user(
+            f"{name} {k} and {k + 1} are only {lengths[k]:.3g} m apart, those around them {around[k]:.3g} m: taught "
+            "twice, perhaps; leave one of them out"
+        )
+    places = knots[:-1, None] + np.diff(knots)[:, None] * np.linspace(0.0, 1.0, OPTIONS.pieces + 1)
+    away = curve(places.ravel())[0].reshape(*places.shape, -1) - positions[:-1, None]
+    unit = steps / np.where(lengths > 0, lengths, 1.0)[:, None]
+    progress = np.where(lengths[:, None] > 0, np.einsum("kpa,ka->kp", away, unit), -np.linalg.norm(away, axis=2))
+    backwards = (np.maximum.accumulate(progress, axis=1) - progress).max(axis=1)
+    sharp = np.pad((steps[1:] * steps[:-1]).sum(axis=1) < 0, 1)  # corners that any smooth curve overshoots
+    shorter = np.pad(np.minimum(lengths[1:], lengths[:-1]), 1)
+    overshoot = OPTIONS.overshoot * np.where(sharp, shorter, 0.0)
+    excess = backwards - np.maximum(overshoot[:-1], overshoot[1:])
+    k = int(np.argmax(excess))
+    if excess[k] > OPTIONS.backwards * np.median(lengths):
+        warn_user(
+            f"{name} {k} and {k + 1}: the curve runs {backwards[k]:.3g} m backwards between them; more points there "
+            "help, or times that fit the distances"
+        )
+
+
+def _point(name: str, value: ArrayLike) -> np.ndarray:
+    point = finite_array(name, value)
+    if point.shape not in ((2,), (3,)):
+        raise InvalidInput(f"{name}: must be a 2-D or 3-D point, got shape {point.shape}")
+    check_magnitude(name, point, "m")
+    return point
+
+
+def _points_or_poses(name: str, values: Sequence[Pose] | Pose | ArrayLike) -> tuple[np.ndarray, np.ndarray | None]:
+    if isinstance(values, Pose) and values.position.ndim == 2:
+        return values.position.copy(), values.quaternion.copy()
+    poses = [value for value in values if isinstance(value, Pose)] if isinstance(values, Sequence) else []
+    if isinstance(values, Sequence) and poses:
+        if len(poses) < len(values):
+            first = next(i for i, value in enumerate(values) if not isinstance(value, Pose))
+            raise InvalidInput(f"{name}: must be all poses or all points, got none at index {first}")
+        for pose in poses:
+            check_pose(name, pose)
+        return np.stack([pose.position for pose in poses]), np.stack([pose.quaternion for pose in poses])
+    points = finite_array(name, cast(ArrayLike, values))
+    if points.ndim != 2 or points.shape[1] not in (2, 3):
+        raise InvalidInput(f"{name}: must be poses or an array of points (n, 2) or (n, 3), got shape {points.shape}")
+    check_magnitude(name, points, "m")
+    return points, None
+
+
+def _plane_axes(normal: ArrayLike) -> Float[np.ndarray, "2 3"]:
+    direction = finite_array("circle normal", normal, shape=(3,))
+    length = float(np.linalg.norm(direction))
+    if length == 0:
+        raise InvalidInput("circle normal: must not be zero, got 0 0 0")
+    direction /= length
+    along_x = np.abs(direction[0]) > 1 - 1e-9
+    first = np.eye(3)[1 if along_x else 0]
+    first = first - direction * (first @ direction)
+    first /= np.linalg.norm(first)
+    return np.stack([first, np.cross(direction, first)])

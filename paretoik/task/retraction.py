@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float
 from paretoik.autodiff.evaluator import Evaluator, compile_evaluator
 from paretoik.autodiff.tape import Tape, as_entry
 from paretoik.robot.arm import Arm
-from paretoik.robot.scales import characteristic_length, geometry_key, joint_scales
+from paretoik.robot.kinematics import characteristic_length, geometry_key, joint_scales
 from paretoik.task.task import Task, frame_of, path_errors, path_jacobian
 
 ON_PATH_TOLERANCE = 1e-10  # of the arm's length, and rad: rounding may keep from Newton's tolerance, not from this
@@ -141,7 +141,7 @@ def solve_small_systems(
 @cache
 def compiled_steps() -> Any:
     """Return the compiled steps of the projection onto paths."""
-    from paretoik.task import compiled  # here: numba takes its time
+    from paretoik.task import retraction_kernel as compiled  # here: numba takes its time
 
     return compiled
 

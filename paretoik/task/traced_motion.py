@@ -21,18 +21,16 @@ from paretoik.autodiff.operations import PIECEWISE, Op
 from paretoik.autodiff.tape import Expression, as_entry
 from paretoik.autodiff.tracing import NotLocal, Trace, TracedArray
 from paretoik.errors import InvalidInput, ParetoikError
-from paretoik.inputs import likely_spelling
+from paretoik.inputs import likely_spelling, limited_call, user_function
 from paretoik.robot.arm import Arm
-from paretoik.robot.arm_inputs import TOOL_FRAME
+from paretoik.robot.body import TOOL_FRAME
 from paretoik.robot.components import Component
 from paretoik.robot.dynamics import energy_components, torque_components
 from paretoik.robot.kinematics import frame_components, jacobian_components, link_frames, node_components
-from paretoik.task.differences import Differences
-from paretoik.task.distances import distance_components
 from paretoik.task.motion import Motion
-from paretoik.task.obstacles import Obstacle
+from paretoik.task.obstacles import Obstacle, distance_components
+from paretoik.task.sampling import Differences
 from paretoik.task.task import Task, path_jacobian
-from paretoik.user_functions import limited_call, user_function
 
 KINKS = PIECEWISE | {Op.ABSOLUTE}
 

@@ -16,7 +16,7 @@ from paretoik.autodiff.differentiation import gradient, tangents
 from paretoik.autodiff.evaluator import Evaluator
 from paretoik.autodiff.tape import Expression, Tape, as_entry
 from paretoik.robot.arm import Arm
-from paretoik.robot.scales import joint_scales
+from paretoik.robot.kinematics import joint_scales
 from paretoik.task.joint_curve import (
     normal_evaluator,
     rate_evaluator,
@@ -27,7 +27,7 @@ from paretoik.task.joint_curve import (
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import ON_PATH_TOLERANCE, OPTIONS, error_evaluator, path_evaluator, row_scales
 from paretoik.task.task import Task
-from paretoik.trajectory.compiled.curve_states import Curve
+from paretoik.trajectory.curve_state_kernel import Curve
 
 
 def curve_arrays(task: MotionTask) -> Curve:

@@ -10,28 +10,94 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import JointPaths
-from paretoik.errors import Infeasible, InvalidInput
+from paretoik.errors import Infeasible, InvalidInput, warn_user
 from paretoik.nlp.minimise import minimise_violation
-from paretoik.nlp.solutions import Solutions
+from paretoik.nlp.program import Solutions
 from paretoik.robot.dynamics import gravity_torques
-from paretoik.robot.kinematics import link_nodes
-from paretoik.robot.scales import joint_scales
-from paretoik.self_motion.start_postures import sample_postures
+from paretoik.robot.kinematics import joint_scales, link_nodes
 from paretoik.stop_flag import check_interruption
-from paretoik.task.distances import clearance, closest_pair, signed_distance
-from paretoik.task.evaluation import evaluate_motions
 from paretoik.task.joint_curve import target_rates
 from paretoik.task.limits import LIMIT_TOLERANCE, Bounds
 from paretoik.task.motion import Motion
-from paretoik.task.motion_task import MotionTask
-from paretoik.task.obstructed_path import obstructed_sample
+from paretoik.task.motion_task import MotionTask, evaluate_motions
+from paretoik.task.obstacles import clearance, closest_pair, signed_distance
 from paretoik.task.retraction import ON_PATH_TOLERANCE, retract_nearest, task_errors
-from paretoik.trajectory.level_progress import LevelProgress, ObserveLevel, at_samples
+from paretoik.task.starts import sample_postures
+from paretoik.task.task import Task
 from paretoik.trajectory.levels import OPTIONS as LEVELS
-from paretoik.trajectory.levels import coarsest_level, distinct_rows, first_levels, resample
+from paretoik.trajectory.levels import (
+    LevelProgress,
+    ObserveLevel,
+    at_samples,
+    coarsest_level,
+    distinct_rows,
+    first_levels,
+    resample,
+)
 from paretoik.trajectory.plan_starts import sample_travelling, squared_velocity
 from paretoik.trajectory.program import MotionProgram
 from paretoik.trajectory.transcription import motion_program
+
+# Obstacles on the path: where the tool itself cannot keep clear of one, no motion can, whatever the posture.
+
+
+def warn_of_obstructed_path(task: MotionTask) -> None:
+    """Warn where an obstacle is nearer to the tool's path than links may be to it: no motion is feasible then.
+
+    The tool is the end of the last link, and at every sample where its path has it. No error: the least-violating
+    motion may be wanted, and the search for one goes on to name it.
+    """
+    for followed in task.tasks:
+        if task.obstacles and _fixes_tool(task, followed):
+            message = _obstruction(task, _tool_positions(task, followed))
+            if message:
+                warn_user(message)
+
+
+def obstructed_sample(task: MotionTask, sample: int | None = None) -> int | None:
+    """Return a sample at which an obstacle is too near to the tool's path, the worst or the given one; None if none."""
+    worst, found = 0.0, None
+    for followed in task.tasks if task.obstacles else ():
+        if _fixes_tool(task, followed):
+            excess = task.min_clearance - _tool_distances(task, _tool_positions(task, followed)).min(axis=0)
+            excess = excess if sample is None else excess[[sample]]
+            if excess.max() > max(worst, LIMIT_TOLERANCE * task.clearance_range):
+                worst, found = float(excess.max()), int(np.argmax(excess)) if sample is None else sample
+    return found
+
+
+def _tool_distances(task: MotionTask, tool: Float[np.ndarray, "time 3"]) -> Float[np.ndarray, "obstacles time"]:
+    return np.stack([signed_distance(obstacle, tool, tool) for obstacle in task.obstacles]) - task.link_radius
+
+
+def _fixes_tool(task: MotionTask, followed: Task) -> bool:
+    """Return whether a path says where the tool is, all of its position."""
+    follows_tool = task.arm.frame(followed.frame).pose is task.arm.tool
+    return follows_tool and (task.arm.is_planar or followed.axes not in ("xy", "xy+angle"))
+
+
+def _tool_positions(task: MotionTask, followed: Task) -> Float[np.ndarray, "time 3"]:
+    points = followed.path.positions
+    height = link_nodes(task.arm, np.zeros(task.arm.dof))[-1, 2]
+    flat = np.column_stack([points[:, :2], np.full(len(points), height)])
+    return flat if task.arm.is_planar else points
+
+
+def _obstruction(task: MotionTask, tool: Float[np.ndarray, "time 3"]) -> str:
+    """Return which obstacle is nearest to the tool, at which sample, and how near links may be; "" if all are clear."""
+    distances = _tool_distances(task, tool)
+    obstacle, sample = np.unravel_index(int(np.argmin(distances)), distances.shape)
+    distance = float(distances[obstacle, sample])
+    if task.min_clearance - distance <= LIMIT_TOLERANCE * task.clearance_range:
+        return ""
+    count = int((distances[obstacle] < task.min_clearance).sum())
+    shape = type(task.obstacles[int(obstacle)]).__name__.lower()
+    where = f"reaches {-distance:.3g} m into it" if distance < 0 else f"is {distance:.3g} m away from it"
+    return (
+        f"path: obstacle {obstacle + 1}, a {shape}, is in its way: at sample {sample} ({task.times[sample]:.4g} s), "
+        f"the worst of {count}, the end of link {task.arm.dof} (of radius {task.link_radius:g} m) {where}, where a "
+        f"clearance of {task.min_clearance:g} m is wanted: no motion along it is feasible"
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Int
 
-from paretoik.robot.scales import joint_scales
-from paretoik.trajectory.compiled import motion_kernel as _steps  # noqa: F401  what solvers do with these arrays
-from paretoik.trajectory.compiled.motion_arrays import MotionKernel
+from paretoik.robot.kinematics import joint_scales
+from paretoik.trajectory import motion_kernel as _steps  # noqa: F401  what solvers do with these arrays
 from paretoik.trajectory.curve_states import curve_arrays
+from paretoik.trajectory.kernel_arrays import MotionKernel
 from paretoik.trajectory.program import MotionProgram
 
 

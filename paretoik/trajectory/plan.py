@@ -7,35 +7,37 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import JointPaths
-from paretoik.call_arguments import check_call
 from paretoik.errors import EvaluationFailed, Infeasible, SolverFailed
 from paretoik.front.indicators import OPTIONS as INDICATORS
-from paretoik.front.provenance import ADDED_SAMPLES, confirmation
+from paretoik.front.points import ADDED_SAMPLES, confirmation
+from paretoik.inputs import check_call
 from paretoik.nlp.minimise import check_solver, chosen_solver
-from paretoik.nlp.program import Solver
-from paretoik.nlp.solutions import CONVERGED, INTERRUPTED, NOT_FINITE, STATUSES, Solutions, concatenate
+from paretoik.nlp.program import CONVERGED, INTERRUPTED, NOT_FINITE, STATUSES, Program, Solutions, Solver, concatenate
 from paretoik.pareto.certificates import OPTIONS as CERTIFICATES
 from paretoik.pareto.certificates import confirmed_criticality
-from paretoik.pareto.warm_start import insert_best, minimise_from
-from paretoik.self_motion.branches import branch_labels
+from paretoik.pareto.scalarisation import Observe, insert_best, minimise_from, naming_objective
+from paretoik.pareto.sweep import OPTIONS as EPSILON
 from paretoik.stop_flag import Interrupted
 from paretoik.tables import columns, field_representation, fit_screen, html_representation
-from paretoik.task.evaluation import evaluate_motions
 from paretoik.task.limits import LIMIT_TOLERANCE
 from paretoik.task.motion import Motion
-from paretoik.task.motion_task import MotionTask
+from paretoik.task.motion_task import MotionTask, evaluate_motions
+from paretoik.task.self_motion import branch_labels
 from paretoik.trajectory.infeasibility import infeasible_error, require_feasible
-from paretoik.trajectory.level_progress import ObserveLevel
 from paretoik.trajectory.levels import (
     OPTIONS,
+    LevelProgress,
+    ObserveLevel,
     coarsest_level,
     distinct_rows,
+    explained_interruption,
     first_levels,
     level_programs,
     level_progress,
@@ -44,7 +46,8 @@ from paretoik.trajectory.levels import (
     refine_levels,
     resample,
 )
-from paretoik.trajectory.plan_starts import sample_starts
+from paretoik.trajectory.plan_starts import initial_motions, sample_starts
+from paretoik.trajectory.program import MotionProgram
 from paretoik.trajectory.restarts import OPTIONS as RESTARTS
 from paretoik.trajectory.restarts import LevelRestarts, first_portions
 from paretoik.trajectory.tightening import feasible_motions, hold_all
@@ -335,3 +338,67 @@ def _failure(task: MotionTask, solutions: Solutions) -> EvaluationFailed | Infea
     if solutions.violation[0] <= OPTIONS.feasible:
         return SolverFailed(f"no start led to an optimum; the best ended with: {status}")
     return infeasible_error(task, level, solutions.x, status=status)
+
+
+# How optima of motions are found from nothing, as ε-sweeps ask for it.
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MotionColdSearch:
+    """Plans each objective alone; leads coarse starts below bounds, level by level; a ``ColdSearch``."""
+
+    task: MotionTask
+    rollouts: JointPaths
+    starts: int | None
+    seed: int
+    solver: Solver = "auto"
+    observe: Observe | None = None
+
+    @property
+    def multimodal(self) -> bool:
+        """Whether valleys are many: where the self-motion has several dimensions."""
+        return self.task.redundancy > 1
+
+    def optima(self, objective: int) -> Float[np.ndarray, "optima time dof"]:
+        """Return the local optima of one objective alone, best first. Raises what ``find_optima`` does."""
+        alone = replace(self.task, objectives=(self.task.objectives[objective],))
+        names = [each.name for each in self.task.objectives]
+        named = replace(self, observe=naming_objective(self.observe, names, objective))
+        with explained_interruption(alone, self.rollouts, named._show) as show:
+            plan = find_optima(
+                alone, starts=self.starts, seed=self.seed, solver=self.solver, observe=show, rollouts=self.rollouts
+            )
+        return np.stack([optimum.motion.q for optimum in plan.optima])
+
+    def optima_below(
+        self, program: Program, main: int, upper: Float[np.ndarray, " n_obj"], weight: float
+    ) -> Solutions | None:
+        """Return what half as many cold starts lead to for one objective, the others below ``upper``, best first."""
+        assert isinstance(program, MotionProgram)
+        weights = np.full(len(upper), weight)
+        weights[main] = 1.0
+        first, starts = self._coarse_starts
+        programs = level_programs(self.task, program.scales, first)
+        try:
+            optima = 2 * EPSILON.cold_optima  # that many are asked for, half may end elsewhere
+            return refine_levels(programs, starts, weights, upper, self._show, solver=self.solver, max_optima=optima)[0]
+        except Infeasible:  # all that is found leaves the path between samples: nothing below this bound
+            return None
+
+    def _show(self, level: LevelProgress) -> None:
+        if self.observe is not None:
+            self.observe(level.samples, len(self.task.times), level.describe_violation(self.task))
+
+    @cached_property
+    def _coarse_starts(self) -> tuple[int, Float[np.ndarray, "starts samples dof"]]:
+        """The coarsest level that has starts, and these."""
+        stages = first_levels(len(self.task.times))
+        for first in stages:
+            try:
+                return first, initial_motions(
+                    self.task, starts=-(-(self.starts or RESTARTS.starts) // 2), seed=self.seed, first=first
+                )
+            except Infeasible:  # too coarse, perhaps
+                if first == stages[-1]:
+                    raise
+        raise AssertionError("a level")

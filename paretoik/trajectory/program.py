@@ -20,17 +20,16 @@ from jaxtyping import Float, Int
 
 from paretoik.autodiff.evaluator import Evaluator
 from paretoik.nlp.program import Linearisation
-from paretoik.robot.scales import joint_scales
+from paretoik.robot.kinematics import joint_scales
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import normal_directions, retract
-from paretoik.trajectory.compiled.curve_states import CurveWork, allocate_curve, project_instants
+from paretoik.trajectory.curve_state_kernel import CurveWork, allocate_curve, project_instants
 from paretoik.trajectory.curve_states import curve_arrays
-from paretoik.trajectory.functions import Total
-from paretoik.trajectory.stencil import Stencil
-from paretoik.trajectory.whole_functions import WholeFunction
+from paretoik.trajectory.discretisation import Stencil
+from paretoik.trajectory.functions import Total, WholeFunction
 
 if TYPE_CHECKING:
-    from paretoik.trajectory.compiled.motion_arrays import MotionKernel
+    from paretoik.trajectory.kernel_arrays import MotionKernel
 
 KINK_TOLERANCE = 1e-8  # of the largest operand of a maximum, minimum or absolute value: where operands meet
 ORDERS = ("position", "velocity", "acceleration", "jerk")
@@ -274,7 +273,7 @@ class MotionProgram:
 
     def linearise(self, x: Float[np.ndarray, "time dof"]) -> Linearisation:
         """Return the program to first order at a motion on the path."""
-        from paretoik.trajectory.linearisation import linearise  # here: it builds on this file
+        from paretoik.trajectory.derivatives import linearise  # here: it builds on this file
 
         return linearise(self, x)
 

@@ -11,17 +11,144 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from paretoik.errors import Infeasible
-from paretoik.nlp.interior_point_options import InteriorPointOptions
-from paretoik.nlp.program import Solver
-from paretoik.nlp.solutions import Solutions
-from paretoik.self_motion.branches import branch_labels
+from paretoik.nlp.minimise import minimise
+from paretoik.nlp.program import InteriorPointOptions, Solutions, Solver, concatenate
 from paretoik.task.motion_task import MotionTask
-from paretoik.trajectory.basin_hopping import OPTIONS as HOPPING
-from paretoik.trajectory.basin_hopping import disturb, disturb_best
+from paretoik.task.self_motion import branch_labels
+from paretoik.task.starts import perturbed_starts, recombined_starts
 from paretoik.trajectory.levels import OPTIONS as LEVELS
-from paretoik.trajectory.levels import Further
+from paretoik.trajectory.levels import Further, coarse, distinct_rows
 from paretoik.trajectory.plan_starts import grid_starts, sample_starts, sample_travelling
 from paretoik.trajectory.program import MotionProgram, joint_distance
+
+# Basin hopping: the best optima disturbed and recombined, and minimised again, while the best gets better.
+#
+# Source: Wales & Doye 1997; ``restarts`` says when.
+
+
+@dataclass(frozen=True, kw_only=True)
+class BasinHoppingOptions:
+    """How optima are disturbed, and which of those that this leads to are new.
+
+    Of the best optima so many ``centers`` are perturbed, each so often as ``copies`` says, by ``perturbation`` [rad or
+    lengths of the arm, RMS: least, largest]. Twice as many are recombined with others as often as ``crossings`` says
+    each: the best of so many ``tries`` for one. It goes on until so many batches in turn as ``patience`` says brought
+    nothing better: ``gain`` is the share of a value by which another is better. Motions are minimised from ``barrier``:
+    a high one leaves basins. Optima within ``distance`` (rad or lengths of the arm, RMS) whose values differ by a share
+    of at most ``value`` count as one.
+
+    The best are disturbed once more on a finer level, in at most ``final_rounds``: what is best there is not what is
+    best on the coarsest. Where nothing better came of it on the coarsest, one batch that brings nothing is enough.
+    """
+
+    centers: int = 4
+    copies: int = 4
+    crossings: int = 2
+    tries: int = 8
+    perturbation: tuple[float, float] = (0.2, 2.0)
+    patience: int = 2
+    gain: float = 1e-6
+    barrier: InteriorPointOptions = InteriorPointOptions(barrier=1e-3, radius=0.05, iterations=300)
+    distance: float = 0.1
+    value: float = 1e-3
+    final_rounds: int = 20
+
+
+HOPPING_OPTIONS = BasinHoppingOptions()
+
+
+def disturb(
+    task: MotionTask, q: Float[np.ndarray, "optima time dof"], rng: np.random.Generator
+) -> Float[np.ndarray, "starts time dof"]:
+    """Return the first of some optima perturbed several times each, little and much, and recombined in pairs."""
+    copies = np.repeat(q[: HOPPING_OPTIONS.centers], HOPPING_OPTIONS.copies, axis=0)
+    least, largest = np.log(HOPPING_OPTIONS.perturbation)
+    perturbed = perturbed_starts(task, copies, rng, size=np.exp(rng.uniform(least, largest, len(copies))))
+    return np.concatenate([perturbed, _recombine(task, q, rng)]) if len(q) > 1 else perturbed
+
+
+def _recombine(
+    task: MotionTask, q: Float[np.ndarray, "optima time dof"], rng: np.random.Generator
+) -> Float[np.ndarray, "starts time dof"]:
+    """Return the best of many motions that are like one of the first optima, for a while like another.
+
+    Where optima come near one another they may change over for little, and what is better before may be joined to
+    what is better after.
+    """
+    count = HOPPING_OPTIONS.crossings * min(len(q), 2 * HOPPING_OPTIONS.centers)
+    first = rng.integers(0, min(len(q), 2 * HOPPING_OPTIONS.centers), HOPPING_OPTIONS.tries * count)
+    second = (first + rng.integers(1, len(q), len(first))) % len(q)  # any other
+    x = recombined_starts(task, q[first], q[second], rng)
+    if not len(x):
+        return x
+    motions = task.motion(x)
+    violation = np.maximum(task.violations(motions), 0).sum(axis=1) if task.limit_names else np.zeros(len(x))
+    order = np.lexsort((task.objectives[0].sign * task.objectives[0](motions), np.round(violation, 1)))
+    chosen = x[:0]
+    for i in order:
+        others = np.concatenate([q, chosen])
+        if len(chosen) < count and joint_distance(task, x[i], others).min() > HOPPING_OPTIONS.distance:
+            chosen = np.concatenate([chosen, x[i : i + 1]])
+    return chosen
+
+
+def disturb_best(
+    program: MotionProgram,
+    solutions: Solutions,
+    rng: np.random.Generator,
+    solver: Solver = "auto",
+    *,
+    patience: int = HOPPING_OPTIONS.patience,
+) -> Solutions:
+    """Return optima and those that the best lead to, disturbed or from high barriers, while the best gets better.
+
+    Where valleys are many, neighbouring ones are as often better as not. Starts are minimised as on a coarse level;
+    only where they lead to other optima are these refined. It ends after so many batches in turn as ``patience`` says
+    that brought nothing better.
+    """
+    task, failures, centers = program.task, 0, solutions.x[:0]
+    for _ in range(HOPPING_OPTIONS.final_rounds):
+        before, best = float(solutions.objectives[0, 0]), solutions.x[: HOPPING_OPTIONS.centers]
+        others = best[_far(task, best, centers)]
+        centers = np.concatenate([centers, others])
+        batches = [(others, barrier) for barrier in LEVELS.cold]
+        batches.append((disturb(task, solutions.x, rng), HOPPING_OPTIONS.barrier))
+        x, options = np.concatenate([x for x, _ in batches]), [coarse(each) for x, each in batches for _ in x]
+        if not len(x):
+            break
+        rough = minimise(program, x, np.eye(1, len(program.upper)), options=options, solver=solver)
+        rough = rough[distinct_rows(task, rough, rough.objectives[:, 0], limit=len(rough))]
+        rough = rough[rough.converged & _new(task, rough, solutions)]
+        if len(rough):
+            ends = minimise(program, rough.x, np.eye(1, len(program.upper)), options=LEVELS.warm, solver=solver)
+            both = concatenate((solutions, ends))
+            solutions = both[distinct_rows(task, both, both.objectives[:, 0], limit=len(both))]
+        better = solutions.objectives[0, 0] < before - HOPPING_OPTIONS.gain * abs(before)
+        failures = 0 if better else failures + 1
+        if failures >= patience:
+            break
+    return solutions
+
+
+def _far(task: MotionTask, q: np.ndarray, others: np.ndarray) -> Bool[np.ndarray, " motions"]:
+    """Return which motions are none of the others."""
+    return np.array([not len(others) or joint_distance(task, x, others).min() > LEVELS.distinct for x in q])
+
+
+def _new(task: MotionTask, rough: Solutions, solutions: Solutions) -> Bool[np.ndarray, " motions"]:
+    """Return which rough ends are near none of the solutions of about their value."""
+    values = solutions.objectives[:, 0]
+    return np.array(
+        [
+            not np.any(
+                (np.abs(values - value) <= HOPPING_OPTIONS.value * np.abs(values))
+                & (joint_distance(task, x, solutions.x) <= HOPPING_OPTIONS.distance)
+            )
+            for x, value in zip(rough.x, rough.objectives[:, 0], strict=True)
+        ],
+        dtype=bool,
+    )
+
 
 Batch = tuple[Float[np.ndarray, "starts samples dof"], Sequence[InteriorPointOptions]]
 
@@ -92,7 +219,7 @@ class RestartPolicy:
         if not solutions.converged.any():
             return self._batch([] if self.grid_tried else [self._grid()], [])
         best = float(solutions.objectives[solutions.converged, 0].min())
-        better = self.best == np.inf or best < self.best - HOPPING.gain * abs(self.best)
+        better = self.best == np.inf or best < self.best - HOPPING_OPTIONS.gain * abs(self.best)
         self.improved = self.improved or (better and self.best < np.inf)
         self.failures, self.best = 0 if better else self.failures + 1, min(best, self.best)
         optima, hits = self._optima(solutions)
@@ -106,7 +233,7 @@ class RestartPolicy:
                 independent.append(self._without_doomed(self._sample(), solutions))
             many = len(optima) >= OPTIONS.many
             self.several = _unseen(hits) > OPTIONS.unseen if self.level.redundancy > 1 else many
-            if self.several and self.failures <= HOPPING.patience:
+            if self.several and self.failures <= HOPPING_OPTIONS.patience:
                 perturbed.append(disturb(self.level, solutions.x[optima], self.rng))
         self.rounds += 1
         return self._batch(perturbed, independent)
@@ -117,7 +244,7 @@ class RestartPolicy:
         self.independent = np.concatenate([self.independent, *flags])
         q = np.concatenate([np.empty((0, len(self.level.times), self.level.arm.dof)), *parts])
         self.starts.append(q)
-        return q, (HOPPING.barrier,) if len(dependent) and self.rounds else LEVELS.cold
+        return q, (HOPPING_OPTIONS.barrier,) if len(dependent) and self.rounds else LEVELS.cold
 
     def _waiting_portion(self, solutions: Solutions) -> Float[np.ndarray, "starts samples dof"]:
         """Return the next starts that wait; none once neither they nor a further batch likely find a better optimum.
@@ -141,8 +268,8 @@ class RestartPolicy:
         for i in np.argsort(values, kind="stable")[: solutions.converged.sum()]:
             if not remaining[i]:
                 continue
-            near = np.flatnonzero(remaining & (values <= values[i] + HOPPING.value * abs(values[i])))
-            same = near[joint_distance(self.level, solutions.x[i], solutions.x[near]) <= HOPPING.distance]
+            near = np.flatnonzero(remaining & (values <= values[i] + HOPPING_OPTIONS.value * abs(values[i])))
+            same = near[joint_distance(self.level, solutions.x[i], solutions.x[near]) <= HOPPING_OPTIONS.distance]
             remaining[same] = False
             rows.append(int(i))
             hits.append(int(self.independent[same].sum()))
@@ -210,7 +337,7 @@ class LevelRestarts:
         """Return optima, and those that the best lead to where many are likely unseen."""
         if not solutions.converged.any() or not any(policy.several for policy in self.policies):
             return solutions
-        patience = HOPPING.patience if any(policy.improved for policy in self.policies) else 1
+        patience = HOPPING_OPTIONS.patience if any(policy.improved for policy in self.policies) else 1
         return disturb_best(program, solutions, self.rng, self.solver, patience=patience)
 
     def _further_on_next(self, level: MotionTask, q: np.ndarray, coarser: Solutions, solutions: Solutions) -> Batch:

@@ -15,23 +15,20 @@ import numpy as np
 from jaxtyping import Float
 from numpy.lib.stride_tricks import sliding_window_view
 
-from paretoik.distribution import Lost, distribute_remembered, workers
-from paretoik.journal import Values, remembered
-from paretoik.nlp.interior_point_options import InteriorPointOptions
+from paretoik.errors import warn_user
 from paretoik.nlp.minimise import compile_method, minimise
-from paretoik.nlp.program import Solver
-from paretoik.nlp.program_key import program_key
+from paretoik.nlp.program import InteriorPointOptions, Solver, program_key
 from paretoik.pareto.certificates import weights_at
 from paretoik.pareto.refine import refine
-from paretoik.robot.scales import joint_scales
+from paretoik.robot.kinematics import joint_scales
+from paretoik.runs.distribution import Lost, distribute_remembered, workers
+from paretoik.runs.journal import Values, remembered
 from paretoik.stop_flag import Interrupted, check_interruption
-from paretoik.task.between import finer_motion
 from paretoik.task.limits import LIMIT_TOLERANCE, LIMITED
 from paretoik.task.motion import Motion
-from paretoik.task.motion_task import MotionTask
+from paretoik.task.motion_task import MotionTask, finer_motion
 from paretoik.task.objectives import evaluate_function
 from paretoik.trajectory.program import MotionProgram
-from paretoik.user_warnings import warn_user
 
 
 @dataclass(frozen=True, kw_only=True)

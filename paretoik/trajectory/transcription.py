@@ -15,14 +15,14 @@ from paretoik.autodiff.kinks import Reformulation, reformulate_choices, reformul
 from paretoik.autodiff.operations import Op
 from paretoik.autodiff.tape import Expression, Tape, as_entry
 from paretoik.errors import InvalidInput
-from paretoik.robot.scales import joint_scales
+from paretoik.robot.kinematics import joint_scales
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import row_scales
 from paretoik.task.task import path_equations
 from paretoik.trajectory.curve_states import instant_targets
+from paretoik.trajectory.discretisation import stencil
 from paretoik.trajectory.functions import Functions, trace_functions
 from paretoik.trajectory.program import ORDERS, Evaluators, MotionProgram, Sparsity
-from paretoik.trajectory.stencil import stencil
 
 
 @dataclass(frozen=True, kw_only=True)

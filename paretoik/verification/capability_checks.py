@@ -8,10 +8,8 @@ from typing import Any
 import numpy as np
 from scipy.optimize import linprog
 
-from paretoik.verification.arm_model import ArmModel
-from paretoik.verification.options import TOLERANCES
-from paretoik.verification.report import Check, Worst, demand, judge, leave_out
-from paretoik.verification.run_contents import RunContents
+from paretoik.verification.arm_model import TOLERANCES, ArmModel
+from paretoik.verification.run_contents import Check, RunContents, Worst, demand, judge, leave_out
 
 
 def check_standing(run: RunContents, problem: Any, model: ArmModel) -> Iterator[Check]:

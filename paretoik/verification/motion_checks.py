@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.polynomial import chebyshev
 
-from paretoik.verification.arm_model import ArmModel
-from paretoik.verification.library_objectives import objective_value, stated_value
-from paretoik.verification.measured_motion import MeasuredMotion
-from paretoik.verification.motion_limits import worst_of_clearance, worst_of_constraint, worst_of_limits
-from paretoik.verification.options import TOLERANCES
-from paretoik.verification.path_targets import path_points, sample_points, tracking_errors
-from paretoik.verification.report import Check, Worst, demand, judge, leave_out
-from paretoik.verification.run_contents import RunContents
+from paretoik.verification.arm_model import OPTIONS, TOLERANCES, ArmModel
+from paretoik.verification.measured_motion import MeasuredMotion, clearances, nearest_pair, rebuild, smallest_radius
+from paretoik.verification.objectives import (
+    clearance_range,
+    objective_value,
+    stated_value,
+    worst_of_clearance,
+    worst_of_constraint,
+    worst_of_limits,
+)
+from paretoik.verification.path_targets import path_points, sample_points, task_error, tracking_errors
+from paretoik.verification.run_contents import Check, RunContents, Worst, demand, judge, leave_out, note
 
 
 def check_joints(run: RunContents, arm: Any) -> Iterator[Check]:
@@ -139,3 +145,229 @@ def check_errors(
 
 def _line(fault: Exception) -> str:
     return (str(fault).splitlines() or [type(fault).__name__])[0]
+
+
+# Motions between their samples: the curve, projected onto the path, its limits, and what it comes near to.
+#
+# A curve is projected at Chebyshev points of each interval and is the polynomial through them; rates are its
+# derivatives.
+
+
+def project(
+    model: ArmModel, tasks: Any, q: np.ndarray, t: np.ndarray, normal_at: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return postures moved onto the path along the normal directions, and how far they are off it then.
+
+    ``normal_at`` are the postures (time, dof) whose normal directions count, by default ``q``.
+    """
+    targets = [path_points(task.path, t) for task in tasks]
+    result, error = np.array(q), np.zeros(len(t))
+    squares = model.scales**2
+
+    def errors_at(posture: np.ndarray, row: int) -> tuple[np.ndarray, np.ndarray]:
+        parts = [
+            task_error(model, task, posture, x[row], None if turned is None else turned[row])
+            for task, (x, turned) in zip(tasks, targets, strict=True)
+        ]
+        return np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
+
+    for row in range(len(t)):
+        directions = None if normal_at is None else squares[:, None] * errors_at(normal_at[row], row)[1].T
+        for _ in range(OPTIONS.newton_steps):
+            miss, jacobian = errors_at(result[row], row)
+            if directions is None:
+                directions = squares[:, None] * jacobian.T
+            error[row] = np.abs(miss).max()
+            if error[row] < 1e-13:
+                break
+            step = np.linalg.lstsq(jacobian @ directions, miss, rcond=None)[0]
+            result[row] = result[row] + directions @ step
+    return result, error
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ProjectedCurve:
+    """A motion's curve on its path: in each piece between ``edges`` a Chebyshev series (pieces, nodes, dof).
+
+    ``error`` is the largest distance from the path [share of the arm's length, rad] at its nodes, ``at`` its time [s].
+    """
+
+    edges: np.ndarray
+    series: np.ndarray
+    error: float
+    at: float
+
+    def __call__(self, t: np.ndarray, order: int = 0) -> np.ndarray:
+        """Return positions (times, dof), or their derivatives of an order, at times [s]."""
+        piece = np.clip(np.searchsorted(self.edges, t, side="right") - 1, 0, len(self.series) - 1)
+        low, high = self.edges[piece], self.edges[piece + 1]
+        place = 2 * (t - low) / (high - low) - 1
+        series = chebyshev.chebder(np.swapaxes(self.series, 0, 1), order)[:, piece] if order else None
+        terms = np.swapaxes(self.series, 0, 1)[:, piece] if series is None else series
+        powers = np.cos(np.arange(len(terms))[:, None] * np.arccos(np.clip(place, -1.0, 1.0)))
+        return np.einsum("nt,ntj->tj", powers, terms) * (2.0 / (high - low))[:, None] ** order
+
+
+def project_curve(task: Any, model: ArmModel, time: np.ndarray, q: np.ndarray) -> ProjectedCurve:
+    """Return the curve of samples (time, dof) on the path; pieces are halved until they are smooth."""
+    options = {"differences": task.differences, "cyclic": task.cyclic, "ends_at_rest": task.ends_at_rest}
+    curve = rebuild(time, q, **options)
+    nodes = chebyshev.chebpts1(OPTIONS.nodes)
+    inverse = np.linalg.inv(chebyshev.chebvander(nodes, OPTIONS.nodes - 1))
+    worst, at = 0.0, float(time[0])
+    fitted, open_ = [], np.stack([time[:-1], time[1:]], axis=1)
+    for level in range(OPTIONS.splits + 1):
+        t = (open_.mean(axis=1, keepdims=True) + np.diff(open_) / 2 * nodes).ravel()
+        on_path, error = project(model, task.tasks, curve(t), t)
+        if not error.max() <= worst:
+            worst, at = float(error.max()), float(t[int(error.argmax())])
+        series = np.einsum("nm,pmj->pnj", inverse, on_path.reshape(len(open_), len(nodes), -1))
+        rough = (np.abs(series[:, -2:]).max(axis=(1, 2)) > OPTIONS.tail) & (level < OPTIONS.splits)
+        fitted += [(low, high, each) for (low, high), each in zip(open_[~rough], series[~rough], strict=True)]
+        middle = open_[rough].mean(axis=1)
+        open_ = np.concatenate([np.stack([open_[rough, 0], middle], 1), np.stack([middle, open_[rough, 1]], 1)])
+        if not len(open_):
+            break
+    fitted.sort(key=lambda piece: float(piece[0]))
+    edges = np.array([piece[0] for piece in fitted] + [time[-1]])
+    return ProjectedCurve(edges=edges, series=np.array([piece[2] for piece in fitted]), error=worst, at=at)
+
+
+def finer_motion(task: Any, model: ArmModel, curve: ProjectedCurve, time: np.ndarray) -> MeasuredMotion:
+    """Return the curve of a motion at many instants an interval, with Simpson's weights for its integrals."""
+    count = OPTIONS.finer
+    step = np.repeat(np.diff(time) / count, count)
+    t = np.append((time[:-1, None] + np.diff(time)[:, None] * np.arange(count) / count).ravel(), time[-1])
+    weights = np.zeros(len(t))
+    for k in range(0, len(t) - 1, 2):
+        weights[k : k + 3] += step[k] / 3 * np.array([1.0, 4.0, 1.0])
+    q, dq, ddq, jerk = (curve(t, order)[None] for order in range(4))
+    return MeasuredMotion(
+        model=model,
+        task=task,
+        time=t[None],
+        q=q,
+        dq=dq,
+        ddq=ddq,
+        jerk=jerk,
+        weights=weights,
+        link_radius=float(task.link_radius),
+    )
+
+
+def check_between(
+    task: Any,
+    model: ArmModel,
+    samples: MeasuredMotion,
+    finer: MeasuredMotion,
+    curve: ProjectedCurve,
+    stated: float | None,
+    point: int,
+    *,
+    promised: bool,
+) -> Iterator[Check]:
+    """Check one motion between its samples, against the limits of the problem.
+
+    ``stated`` is the bound of the violation there in the table, ``promised`` whether there must be none.
+    """
+    detail = f"it leaves its path by {curve.error:.3g} at {curve.at:.4g} s"
+    yield judge("tracking between samples", curve.error, TOLERANCES.on_path, detail, point=point)
+    found = list[tuple[float, Worst]]()
+    for subject, excess, where, fault in excesses(task, finer):
+        if where is None:
+            yield leave_out(f"{subject} between samples", fault, point=point)
+        else:
+            found.append((np.inf if np.isnan(excess) else excess, where))
+    kept = [each for each in found if each[1].what != "clearance"]  # distances are bounded all the way below
+    if kept:
+        excess, place = max(kept, key=lambda each: each[0])
+        excess = max(excess, 0.0)
+        yield _judge_limits(task, excess, place, promised=promised, point=point)
+    if stated is not None:
+        largest, worst = max(found, key=lambda each: each[0], default=(0.0, None))
+        detail = f"the table says {stated:.3g}, it is {max(largest, 0.0):.3g}"
+        short = max(largest, 0.0) - min(stated, max(largest, 0.0))
+        subject = "violation_between in the table"
+        yield judge(subject, short, TOLERANCES.stated, detail, point=point, worst=worst)
+    if task.obstacles:
+        yield from _check_clearance(task, model, curve, samples, promised=promised, point=point)
+
+
+def _judge_limits(task: Any, excess: float, place: Worst, *, promised: bool, point: int) -> Check:
+    subject, detail = "limits between samples", f"{place}: exceeded by {excess:.3g} of its range"
+    if promised or excess <= TOLERANCES.between:
+        return judge(subject, excess, TOLERANCES.between, detail, point=point, worst=place)
+    reason = "a point that is no minimum" if task.differences == "spline" else f"differences={task.differences!r}"
+    detail = f"nothing is promised between samples of {reason}"
+    return note(subject, excess, detail, tolerance=TOLERANCES.between, point=point, worst=place)
+
+
+def _check_clearance(
+    task: Any, model: ArmModel, curve: ProjectedCurve, samples: MeasuredMotion, *, promised: bool, point: int
+) -> Iterator[Check]:
+    """Check distances all the way: an interval is done with if its ends and its length exclude a collision."""
+    smallest, at, proven = least_clearance(task, model, curve, samples, samples.time[0])
+    size, short = clearance_range(task, model), max(float(task.min_clearance) - smallest, 0.0)
+    pair = nearest_pair(task.obstacles, model.nodes(curve(np.array([at])))[0])
+    place = Worst(what="clearance", joint=pair, time=at, value=smallest, limit=float(task.min_clearance), unit="m")
+    accepted = TOLERANCES.between * size
+    subject, detail = "clearance between samples", str(place)
+    grazing = 0.0 if promised else _grazing(task, samples)
+    if accepted < short <= grazing:
+        reason = "nothing is promised between samples of a point that is no minimum"
+        yield note(subject, short, reason, tolerance=accepted, point=point, worst=place)
+    else:
+        yield judge(subject, short, accepted, detail, point=point, worst=place)
+    if not proven:
+        yield leave_out(subject, "an interval is too near to an obstacle to be sure", point=point)
+
+
+def least_clearance(
+    task: Any, model: ArmModel, postures: Callable[[np.ndarray], np.ndarray], samples: MeasuredMotion, time: np.ndarray
+) -> tuple[float, float, bool]:
+    """Return the least clearance where it may be below the limit, its time, and whether nothing hides between."""
+    count = OPTIONS.instants
+    t = np.append((time[:-1, None] + np.diff(time)[:, None] * np.arange(count) / count).ravel(), time[-1])
+    q = postures(t)
+    distance = clearances(task.obstacles, model.nodes(q), samples.link_radius)
+    reaches = model.reaches(q)
+    speed = 1.5 * np.abs(np.diff(q, axis=0)) / np.diff(t)[:, None] + 0.05 * np.abs(samples.dq[0]).max(axis=0)
+    ends, rate = np.stack([t[:-1], t[1:]], axis=1), speed @ reaches
+    near = np.stack([distance[:-1], distance[1:]], axis=1)
+    smallest, at = float(distance.min()), float(t[int(distance.argmin())])
+    limit = float(task.min_clearance)
+    for _ in range(OPTIONS.bisections):
+        open_ = near.sum(axis=1) - rate * np.diff(ends, axis=1)[:, 0] < 2 * min(limit, smallest)
+        if not open_.any():
+            return smallest, at, True
+        ends, near, rate = ends[open_], near[open_], rate[open_]
+        middle = ends.mean(axis=1)
+        distance = clearances(task.obstacles, model.nodes(postures(middle)), samples.link_radius)
+        if distance.min() < smallest:
+            smallest, at = float(distance.min()), float(middle[int(distance.argmin())])
+        ends = np.concatenate([np.stack([ends[:, 0], middle], 1), np.stack([middle, ends[:, 1]], 1)])
+        near = np.concatenate([np.stack([near[:, 0], distance], 1), np.stack([distance, near[:, 1]], 1)])
+        rate = np.concatenate([rate, rate])
+        keep = near.sum(axis=1) - rate * np.diff(ends, axis=1)[:, 0] < 2 * min(limit, smallest)
+        order = np.argsort(near.min(axis=1))[:400]
+        chosen = np.intersect1d(np.flatnonzero(keep), order)
+        ends, near, rate = ends[chosen], near[chosen], rate[chosen]
+        if not len(ends):
+            return smallest, at, True
+    resolved = float((rate * np.diff(ends, axis=1)[:, 0]).max()) <= 1e-3 * model.length
+    return smallest, at, resolved
+
+
+def _grazing(task: Any, samples: MeasuredMotion) -> float:
+    """Return how deep [m] links may dip between samples that are clear, on their way along an obstacle.
+
+    Half an interval h of speed v along a round of radius R dips v²h²/8R, one of acceleration a, a h²/8; never as deep
+    as half the smallest obstacle, which would be through it.
+    """
+    round_ = smallest_radius(task.obstacles)
+    nodes = samples.links[0]
+    step = np.diff(samples.time[0])
+    v = np.linalg.norm(np.diff(nodes, axis=0), axis=-1).max(axis=1) / step
+    a = np.linalg.norm(np.diff(nodes, 2, axis=0), axis=-1).max(initial=0.0) / step.min() ** 2
+    dip = np.diff(np.asarray(task.times)).max() ** 2 / 8 * (a + v.max() ** 2 / (round_ + samples.link_radius))
+    return float(min(dip, round_ / 2))

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from paretoik.verification.arm_model import ArmModel
-from paretoik.verification.options import OPTIONS
+from paretoik.verification.arm_model import OPTIONS, ArmModel
 
 TURNING_AXES = {"xyz+z-axis": (0, 1), "xy+angle": (2,), "pose": (0, 1, 2)}  # equations of orientation, in the frame
 

@@ -8,27 +8,25 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from paretoik.execution.computation import computed_text
+from paretoik.runs.executor import computed_text
 from paretoik.stop_flag import check_interruption
 from paretoik.verification.arm_model import ArmModel, build_model
-from paretoik.verification.between_checks import check_between, finer_motion, project_curve
 from paretoik.verification.capability_checks import check_point_to_point, check_polygon, check_standing, check_tool_path
-from paretoik.verification.certificate_checks import check_certificate, status_of
-from paretoik.verification.loop_checks import check_loop
+from paretoik.verification.front_checks import check_certificate, check_tables, status_of
 from paretoik.verification.measured_motion import measure
+from paretoik.verification.method_checks import check_loop, check_resolution, check_tuning
 from paretoik.verification.motion_checks import (
+    check_between,
     check_errors,
     check_joints,
     check_limits,
     check_objectives,
     check_path,
     check_samples,
+    finer_motion,
+    project_curve,
 )
-from paretoik.verification.report import Check, Verification, demand, leave_out, note
-from paretoik.verification.resolution_checks import check_resolution
-from paretoik.verification.run_contents import RunContents
-from paretoik.verification.table_checks import check_tables
-from paretoik.verification.tuning_checks import check_tuning
+from paretoik.verification.run_contents import Check, RunContents, Verification, demand, leave_out, note
 
 Show: TypeAlias = Callable[[int, int], object]  # is told how many points are checked, of how many
 

@@ -9,7 +9,7 @@ from typing import Any
 from sphinx.application import Sphinx
 
 import paretoik
-from paretoik.joint_trajectory.controller import Controller
+from paretoik.joint_trajectory.controllers import Controller
 from paretoik.task.objectives import Objective
 
 

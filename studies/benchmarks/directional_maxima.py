@@ -25,7 +25,7 @@ from pymoo.optimize import minimize
 
 import paretoik as pk
 from paretoik.arrays import Objectives
-from paretoik.search.seeding import seeded_population
+from paretoik.search.genes import seeded_population
 from problems import kim_2021
 from studies.benchmarks.maximin.cases import POPULATION
 from studies.benchmarks.maximin.methods import OURS

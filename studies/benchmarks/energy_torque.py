@@ -16,7 +16,7 @@ from functools import partial
 import numpy as np
 
 import paretoik as pk
-from paretoik.api.settings import DEFAULTS
+from paretoik.api.session import DEFAULTS
 from paretoik.arrays import Objectives
 from paretoik.front.indicators import hypervolume
 from problems.tringali_2020 import energy_torque

@@ -16,12 +16,12 @@ import numpy as np
 
 from paretoik.formulations.tracking import Tracking
 from paretoik.robot.arm import Arm
-from paretoik.robot.arm_inputs import TOOL_FRAME
 from paretoik.robot.arms import tringali_3r
+from paretoik.robot.body import TOOL_FRAME
 from paretoik.robot.components import Component, evaluate_in_blocks
 from paretoik.robot.dynamics import inverse_dynamics
 from paretoik.robot.kinematics import frame_components, jacobian_components, link_frames
-from paretoik.search.seeding import seeded_population
+from paretoik.search.genes import seeded_population
 from paretoik.task.motion import Motion
 from paretoik.task.objectives import kinetic_energy, torque_norm
 from problems.panda import across_the_table, panda

@@ -19,10 +19,10 @@ from importlib.util import find_spec
 import numpy as np
 
 import paretoik as pk
-from paretoik.self_motion.start_postures import sample_postures
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.motion_task_validation import motion_task
+from paretoik.task.starts import sample_postures
+from paretoik.task.validation import motion_task
 from problems import panda
 from studies.reporting import Row, report, study_parser
 

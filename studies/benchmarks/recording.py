@@ -23,7 +23,7 @@ RUN = """
 import json, sys, time
 from pathlib import Path
 import paretoik as pk
-from paretoik.api.run_session import RunSession
+from paretoik.api.session import RunSession
 from paretoik.api.search_front import FrontSearch
 from paretoik.review.recording.recorder import Recorder
 from pymoo.problems import get_problem

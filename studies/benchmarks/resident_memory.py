@@ -13,7 +13,7 @@ from pathlib import Path
 from studies.benchmarks.checkouts import ROOT
 
 PROCESSES = Path("/proc")  # Linux
-RECORDER = "paretoik.review.recording.recording_child"
+RECORDER = "paretoik.review.recording_child"
 INTERVAL = 0.01  # s between looks; what is read is the peak so far, so only growth in the last one is missed
 
 

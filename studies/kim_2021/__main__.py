@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from paretoik.distribution import Executor
+from paretoik.runs.distribution import Executor
 from studies.kim_2021.energies import posture_rows, postures, table_4
 from studies.kim_2021.exactness import linear_programs, many_starts, random_paths, symmetries
 from studies.kim_2021.fronts import (

@@ -10,12 +10,11 @@ import numpy as np
 import paretoik as pk
 from paretoik.capability.directional import unit_directions
 from paretoik.capability.geodesic import path_time
-from paretoik.capability.joint_capability import joint_speeds
-from paretoik.capability.posture_maxima import highest_speeds
-from paretoik.distribution import Executor
-from paretoik.nlp.linear_program import furthest
+from paretoik.capability.joint_capability import highest_speeds, joint_speeds
+from paretoik.nlp.convex_programs import furthest
 from paretoik.robot.dynamics import gravity_torques
 from paretoik.robot.kinematics import jacobian
+from paretoik.runs.distribution import Executor
 from problems.panda import panda
 from studies.kim_2021.full_program import full_program, places
 from studies.kim_2021.setting import DIRECTIONS, MECHANISMS, POSITIONS, actuation_of, beside_paper, speeds

@@ -15,9 +15,9 @@ import numpy as np
 from jaxtyping import Float
 
 import paretoik as pk
-from paretoik.capability.timing import minimum_timing
+from paretoik.capability.point_to_point_program import minimum_timing
 from paretoik.nlp.minimise import minimise
-from paretoik.pareto.cold_search import OPTIONS as COLD
+from paretoik.pareto.scalarisation import COLD_OPTIONS as COLD
 from paretoik.review.palette import PAPER
 from paretoik.robot import kinematics
 from problems.kim_2021 import START, TARGET

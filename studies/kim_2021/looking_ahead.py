@@ -9,8 +9,7 @@ import casadi as ca
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.capability.polynomials import Polynomials
-from paretoik.capability.speed_models import PolynomialEllipsoids
+from paretoik.capability.speed_models import PolynomialEllipsoids, Polynomials
 from studies.kim_2021.full_program import QUIET, solver_options
 
 LENGTH = 0.1  # m: what points are counted in

@@ -16,9 +16,9 @@ from jaxtyping import Float
 
 import paretoik as pk
 from paretoik.capability.joint_capability import Quantity
-from paretoik.distribution import Executor
 from paretoik.review.palette import PAPER
-from paretoik.review.pictures.plots import label
+from paretoik.review.pictures.fronts import label
+from paretoik.runs.distribution import Executor
 from problems.kim_2021 import PLACE, WAYS
 from studies.kim_2021.exactness import SAME
 from studies.kim_2021.posture_program import posture_program

@@ -9,8 +9,8 @@ import numpy as np
 
 import paretoik as pk
 from paretoik.capability.directional import unit_directions
-from paretoik.capability.planner import Planner
 from paretoik.capability.speed_models import PolynomialEllipsoids
+from paretoik.capability.time_optimal import Planner
 from studies.kim_2021.full_program import full_program
 from studies.kim_2021.looking_ahead import Peer, looking_ahead
 from studies.kim_2021.setting import DIRECTIONS, MECHANISMS, POSITIONS, actuation_of, speeds

@@ -8,9 +8,8 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.capability.directional import unit_directions
-from paretoik.capability.speed_ellipsoids import ellipsoids_at, fit_axes, fit_ellipsoids
+from paretoik.capability.speed_fit import FitErrors, ellipsoids_at, fit_axes, fit_ellipsoids, fit_errors
 from paretoik.capability.speed_models import AxesEllipses, PolynomialEllipsoids
-from paretoik.capability.speed_samples import FitErrors, fit_errors
 from paretoik.errors import ParetoikError
 from studies.kim_2021.setting import MECHANISMS, POSITIONS, beside_paper, speeds
 from studies.reporting import Row

@@ -8,8 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.capability.geodesic import FastestPath, fastest_path, path_time
-from paretoik.capability.planner import Plan, fastest_plan
-from paretoik.capability.time_optimal import TimeOptimalRun, time_optimal_control
+from paretoik.capability.time_optimal import Plan, TimeOptimalRun, fastest_plan, time_optimal_control
 from paretoik.errors import ParetoikError
 from studies.kim_2021.profiles import evenly
 from studies.kim_2021.setting import MECHANISMS, POSITIONS, UNPRINTED, beside_paper, paper, speeds

@@ -7,8 +7,8 @@ from functools import partial
 
 import numpy as np
 
-from paretoik.distribution import Executor
 from paretoik.errors import SolverFailed
+from paretoik.runs.distribution import Executor
 from studies.kim_2021.continuous import resolved
 from studies.kim_2021.profiles import Mechanism
 from studies.kim_2021.sensitivity import Assumptions

@@ -6,7 +6,7 @@ import sys
 import time
 from collections.abc import Sequence
 
-from paretoik.distribution import Executor
+from paretoik.runs.distribution import Executor
 from problems.marcos_2012 import STEPS
 from studies.marcos_2012.collisions import collision_rows
 from studies.marcos_2012.loops import CellLoop, cells, find_starts, follow_all

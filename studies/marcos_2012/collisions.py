@@ -7,10 +7,10 @@ from functools import partial
 
 import numpy as np
 
-from paretoik.distribution import Executor
-from paretoik.formulations.closed_loop_result import ClosedLoopRun
+from paretoik.formulations.closed_loop import ClosedLoopRun
 from paretoik.robot.kinematics import link_nodes
-from paretoik.task.distances import clearance
+from paretoik.runs.distribution import Executor
+from paretoik.task.obstacles import clearance
 from problems import marcos_2012
 from studies.marcos_2012.tables import Starts
 from studies.processes import run_each

@@ -11,8 +11,8 @@ from itertools import product
 import numpy as np
 
 from paretoik.closed_loop.exact_loop import exact_steps
-from paretoik.distribution import Executor
-from paretoik.formulations.closed_loop_result import ClosedLoopRun
+from paretoik.formulations.closed_loop import ClosedLoopRun
+from paretoik.runs.distribution import Executor
 from paretoik.task.motion import Motion
 from problems import marcos_2012
 from problems.marcos_2012 import DISTANCES, STEPS, Links

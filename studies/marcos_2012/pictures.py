@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from paretoik.review.palette import PAPER
-from paretoik.review.pictures.plots import stroboscopic
+from paretoik.review.pictures.fronts import stroboscopic
 from problems.marcos_2012 import DISTANCES
 from studies.marcos_2012.loops import Cell, CellLoop
 from studies.reporting import drawing

@@ -8,8 +8,8 @@ from typing import TypeAlias
 
 import numpy as np
 
-from paretoik.distribution import Executor
-from paretoik.formulations.closed_loop_result import mean_position_error
+from paretoik.formulations.closed_loop import mean_position_error
+from paretoik.runs.distribution import Executor
 from paretoik.task.objectives import joint_drift
 from studies.marcos_2012.loops import Cell, CellLoop, follow
 from studies.processes import run_each

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
-from paretoik.distribution import Executor
+from paretoik.runs.distribution import Executor
 from studies.processes import run_each, workers_of
 from studies.reporting import Row, report, study_parser, tell
 from studies.tringali_2020.candidates import Decline, declines, figure_1

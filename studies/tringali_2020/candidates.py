@@ -9,8 +9,8 @@ import numpy as np
 from jaxtyping import Float, Int
 
 import paretoik as pk
-from paretoik.distribution import Executor
-from paretoik.self_motion.motion_starts import rollout_starts
+from paretoik.runs.distribution import Executor
+from paretoik.task.starts import rollout_starts
 from studies.processes import run_each
 from studies.reporting import Row
 from studies.tringali_2020.reported import LOW, beside, paper

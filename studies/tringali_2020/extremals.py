@@ -13,13 +13,18 @@ from scipy.interpolate import CubicSpline
 
 from paretoik.arrays import JointPaths
 from paretoik.errors import Infeasible, InvalidInput
-from paretoik.resolution.equation_of_motion import EquationOfMotion, equation_of_motion
-from paretoik.resolution.variational import check_tolerance, integrate_paths, starts_on_path
+from paretoik.resolution.variational import (
+    EquationOfMotion,
+    check_tolerance,
+    equation_of_motion,
+    integrate_paths,
+    starts_on_path,
+)
 from paretoik.robot import dynamics
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.motion_task_validation import START_TOLERANCE
 from paretoik.task.retraction import task_errors
+from paretoik.task.validation import START_TOLERANCE
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

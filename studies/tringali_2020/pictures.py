@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 
 from paretoik.review.palette import PAPER
-from paretoik.review.pictures.plots import stroboscopic
+from paretoik.review.pictures.fronts import stroboscopic
 from studies.reporting import drawing
 from studies.tringali_2020.candidates import FITTED_FROM, Decline
 from studies.tringali_2020.reported import paper

@@ -21,12 +21,12 @@ import numpy as np
 from jaxtyping import Float
 
 import paretoik as pk
-from paretoik.distribution import Executor
-from paretoik.nlp.solutions import Solutions
-from paretoik.self_motion.branches import branch_labels
-from paretoik.self_motion.motion_starts import rollout_starts
+from paretoik.nlp.program import Solutions
+from paretoik.runs.distribution import Executor
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import relative_errors, retract_nearest, row_space_basis
+from paretoik.task.self_motion import branch_labels
+from paretoik.task.starts import rollout_starts
 from paretoik.trajectory.levels import objective_scales, refine_levels
 from paretoik.trajectory.transcription import motion_program
 from problems import tringali_2021

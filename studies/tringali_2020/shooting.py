@@ -11,12 +11,17 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from paretoik.errors import Infeasible, InvalidInput
-from paretoik.resolution.equation_of_motion import EquationOfMotion, equation_of_motion
-from paretoik.resolution.variational import check_tolerance, integrate, starts_on_path
+from paretoik.resolution.variational import (
+    EquationOfMotion,
+    check_tolerance,
+    equation_of_motion,
+    integrate,
+    starts_on_path,
+)
 from paretoik.robot import dynamics
-from paretoik.self_motion.charts import build_charts
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import retract_nearest, task_errors
+from paretoik.task.self_motion import build_charts
 from studies.tringali_2020.extremals import Extremal, follow_equation
 
 

@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from paretoik.front.indicators import hypervolume, non_dominated
 from paretoik.nlp.minimise import minimise
-from paretoik.pareto.epsilon_options import OPTIONS
+from paretoik.pareto.sweep import OPTIONS
 from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.transcription import motion_program
 from studies.reporting import Row

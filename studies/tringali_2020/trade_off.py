@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool
 
 import paretoik as pk
-from paretoik.self_motion.branches import branch_labels
+from paretoik.task.self_motion import branch_labels
 from studies.reporting import Row
 from studies.tringali_2020.reported import beside, paper
 from studies.tringali_2020.simulations import as_printed, machine, with_arm

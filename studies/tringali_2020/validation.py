@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 import paretoik as pk
-from paretoik.self_motion.branches import branch_labels
 from paretoik.task.retraction import normal_directions, retract_nearest
+from paretoik.task.self_motion import branch_labels
 from paretoik.trajectory.grid_oracle import grid_oracle
 from paretoik.trajectory.plan import Optimum
 from studies.reporting import Row

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from paretoik.review.palette import PAPER
-from paretoik.review.pictures.plots import stroboscopic
+from paretoik.review.pictures.fronts import stroboscopic
 from studies.reporting import drawing
 from studies.tringali_2021.trajectories import FAST, METHODS, Trajectory, spectral_radius
 

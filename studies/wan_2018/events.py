@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import brentq
 
-from paretoik.resolution.joint_weights import clamping_weight
-from paretoik.resolution.traces import ResolvedMotion
+from paretoik.resolution.kernels import clamping_weight
+from paretoik.resolution.protocol import ResolvedMotion
 from problems.wan_2018 import BUFFER
 from studies.reporting import Row
 from studies.wan_2018.methods import VARIANTS, Resolved, axis_errors, paper

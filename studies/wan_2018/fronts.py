@@ -13,7 +13,7 @@ import moocore
 import numpy as np
 
 import paretoik as pk
-from paretoik.distribution import Executor
+from paretoik.runs.distribution import Executor
 from problems import wan_2018
 from studies.processes import run_each
 from studies.reporting import Row, tell

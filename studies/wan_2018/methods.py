@@ -10,10 +10,10 @@ from typing import Literal
 import numpy as np
 
 import paretoik as pk
-from paretoik.distribution import Executor
-from paretoik.resolution.traces import ResolvedMotion
-from paretoik.self_motion.start_postures import sample_postures
-from paretoik.task.motion_task_validation import motion_task
+from paretoik.resolution.protocol import ResolvedMotion
+from paretoik.runs.distribution import Executor
+from paretoik.task.starts import sample_postures
+from paretoik.task.validation import motion_task
 from problems import wan_2018
 from problems.wan_2018 import (
     BAND,

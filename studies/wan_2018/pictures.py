@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from paretoik.resolution.traces import ResolvedMotion
+from paretoik.resolution.protocol import ResolvedMotion
 from paretoik.review.palette import PAPER
 from studies.reporting import drawing
 from studies.wan_2018.events import EVENTS, least_weight

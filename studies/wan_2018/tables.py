@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 import paretoik as pk
-from paretoik.resolution.traces import ResolvedMotion
+from paretoik.resolution.protocol import ResolvedMotion
 from problems import wan_2018
 from studies.reporting import Row, tell
 from studies.wan_2018.methods import (

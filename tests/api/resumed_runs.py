@@ -15,7 +15,7 @@ import numpy as np
 from pymoo.core.problem import ElementwiseProblem
 
 import paretoik as pk
-from paretoik.journal import Journal
+from paretoik.runs.journal import Journal
 from tests.api.problems import tracking
 
 

@@ -12,11 +12,10 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.api.plan_storage import save_plan
-from paretoik.front.provenance import confirmation_text
+from paretoik.api.result import save_plan
+from paretoik.front.points import confirmation_text
 from paretoik.stop_flag import STOP
-from paretoik.task.between import finer_motion
-from paretoik.task.motion_task import SAMPLES
+from paretoik.task.motion_task import SAMPLES, finer_motion
 from problems import panda
 
 LEVELS = import_module("paretoik.trajectory.levels")

@@ -8,7 +8,7 @@ import pytest
 import paretoik as pk
 from paretoik.api import certified_front as module
 from paretoik.api.certified_front import certified_front
-from paretoik.formulations.requirements import require_program
+from paretoik.formulations.protocol import require_program
 
 ANGLE, NEAR, FAR = 0.9, 0.2, 0.4  # rad
 

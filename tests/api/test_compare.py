@@ -8,8 +8,8 @@ import pytest
 import paretoik as pk
 from paretoik.api.solve import solve
 from paretoik.errors import InvalidInput, InvalidRun
-from paretoik.execution.computation import computed_text
-from paretoik.task.evaluation import evaluate_motions
+from paretoik.runs.executor import computed_text
+from paretoik.task.motion_task import evaluate_motions
 from tests.api.problems import QUICK
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.api.completion import complete_front
+from paretoik.api.search_front import complete_front
 from paretoik.errors import Infeasible, SolverFailed
 from paretoik.front.indicators import ranges_of
 from paretoik.stop_flag import STOP

@@ -10,9 +10,9 @@ import pytest
 
 import paretoik as pk
 from paretoik.errors import Infeasible, InvalidInput
-from paretoik.joint_trajectory.controller import Controller
+from paretoik.joint_trajectory.controllers import Controller
 from paretoik.robot.dynamics import inverse_dynamics
-from paretoik.task.between import finer_motion
+from paretoik.task.motion_task import finer_motion
 from problems import panda
 from tests.joint_trajectory.motions import MOTIONS, PANDA, bench, swing
 

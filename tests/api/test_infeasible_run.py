@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.api.infeasible_run import ENTRY, is_infeasible, read_infeasible
+from paretoik.api.result import ENTRY, is_infeasible, read_infeasible
 from paretoik.errors import InvalidInput, InvalidRun
 from paretoik.front.storage import array_bytes
-from paretoik.run_files import NEAREST, write_run
+from paretoik.runs.files import NEAREST, write_run
 from tests.api.problems import tracking
 
 ENERGY = {"name": "energy", "unit": "J", "maximised": False, "value": 2.0}

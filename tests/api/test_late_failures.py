@@ -7,7 +7,7 @@ import pytest
 
 import paretoik as pk
 from paretoik.errors import EvaluationFailed, InvalidInput
-from paretoik.run_files import CHECKPOINT, JOURNAL, RUN, read_run
+from paretoik.runs.files import CHECKPOINT, JOURNAL, RUN, read_run
 from tests.api.problems import tracking
 from tests.api.resumed_runs import loop
 from tests.search.problems import Parabolas

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.api.load_front import load_front
+from paretoik.api.load import load_front
 from paretoik.api.solve import solve
 from paretoik.errors import InvalidInput
 from tests.api.problems import QUICK, tracking

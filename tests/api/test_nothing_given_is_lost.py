@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.self_motion.motion_starts import perturbed_starts, rollout_starts
+from paretoik.task.starts import perturbed_starts, rollout_starts
 from paretoik.trajectory.plan_starts import sample_starts
 
 FEASIBLE = 1e-8
@@ -119,11 +119,11 @@ def test_a_basin_that_high_barriers_leave_is_kept():
 
 
 def test_a_motion_that_no_solver_can_improve_on_is_still_the_best(monkeypatch):
-    from paretoik.pareto import warm_start
+    from paretoik.pareto import scalarisation as warm_start
 
     problem = drawn(0, samples=26)
     best = pk.plan(problem, starts=4).best
-    monkeypatch.setattr(warm_start, "OPTIONS", warm_start.WarmStartOptions(barriers=()))
+    monkeypatch.setattr(warm_start, "WARM_OPTIONS", warm_start.WarmStartOptions(barriers=()))
     planned = pk.plan(problem, starts=1, seed=3, initial=best.motion)
     assert planned.best.objective <= best.objective * (1 + ROUNDING)
 

@@ -16,10 +16,9 @@ import pytest
 
 import paretoik as pk
 from paretoik.errors import InvalidInput
-from paretoik.execution.former_run import PART
-from paretoik.execution.run_folder import LOCK
-from paretoik.file_replacement import SAVED
-from paretoik.run_files import CHECKPOINT, CHOICES, CONTENTS, FORMER, JOURNAL, RECORDING, RUN
+from paretoik.runs.file_replacement import SAVED
+from paretoik.runs.files import CHECKPOINT, CHOICES, CONTENTS, FORMER, JOURNAL, RECORDING, RUN
+from paretoik.runs.folder import LOCK, PART
 from tests.api.problems import tracking
 from tests.cli.commands import ROOT, start_process
 

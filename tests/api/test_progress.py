@@ -6,8 +6,7 @@ from importlib import import_module
 import pytest
 
 import paretoik as pk
-from paretoik.api.progress import RunProgress, count_observer, show_compilation
-from paretoik.api.progress_display import progress_text
+from paretoik.api.progress import RunProgress, count_observer, progress_text, show_compilation
 from paretoik.compilation_notices import CompilationNotice, announce
 from tests.api.problems import tracking
 

@@ -2,8 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from paretoik.api.progress import RunProgress, show_compilation
-from paretoik.api.progress_display import open_observer, progress_text
+from paretoik.api.progress import RunProgress, open_observer, progress_text, show_compilation
 from paretoik.compilation_notices import CompilationNotice, announce
 
 NOTICE = CompilationNotice(what="the planner", seconds=40.0)

@@ -9,7 +9,7 @@ import pytest
 
 import paretoik as pk
 from paretoik.api.refine import SearchImprover
-from paretoik.pareto import improver as improving
+from paretoik.pareto import refine as improving
 from problems import tringali_2020
 from tests.api.problems import tracking
 
@@ -43,7 +43,7 @@ def test_the_same_seed_gives_the_same_front(front):
 def test_iterations_take_no_more_than_their_share_of_the_evaluations(front):
     counts = front.provenance["counts"]
     one_round = 5 * 30
-    assert counts["iterations"] <= improving.OPTIONS.share * counts["evaluations"] + one_round
+    assert counts["iterations"] <= improving.IMPROVER_OPTIONS.share * counts["evaluations"] + one_round
 
 
 def test_what_is_suggested_is_better_than_where_it_came_from():

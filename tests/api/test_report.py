@@ -10,8 +10,8 @@ import pytest
 import paretoik as pk
 from paretoik.api.solve import solve
 from paretoik.errors import InvalidInput, InvalidRun
-from paretoik.execution.run_folder import claim_folder
-from paretoik.run_files import REPORT, write_run
+from paretoik.runs.files import REPORT, write_run
+from paretoik.runs.folder import claim_folder
 from problems import marcos_2012
 from tests.api.problems import QUICK, tracking
 from tests.closed_loop.postures import posture

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.api.load_front import load_front
+from paretoik.api.load import load_front
 from paretoik.api.result_text import choice_text, entries, gap_text, result_text
 from paretoik.cli import main
-from paretoik.front.certificate_text import certificate_text
-from paretoik.run_files import to_json
+from paretoik.front.certificates import certificate_text
+from paretoik.runs.files import to_json
 from problems import tringali_2020
 
 MINE = """

@@ -14,9 +14,9 @@ from pymoo.algorithms.moo.nsga2 import NSGA2
 
 import paretoik as pk
 from paretoik.errors import InvalidInput, InvalidRun
-from paretoik.execution.run_folder import lock_folder
-from paretoik.journal import HEAD
-from paretoik.run_files import CHECKPOINT, FORMER, JOURNAL, RUN
+from paretoik.runs.files import CHECKPOINT, FORMER, JOURNAL, RUN
+from paretoik.runs.folder import lock_folder
+from paretoik.runs.journal import HEAD
 from tests.api.problems import tracking
 from tests.api.resumed_runs import PROBLEMS, Slow, run
 from tests.search.problems import Parabolas
@@ -200,7 +200,7 @@ def test_another_problem_is_refused_and_the_run_stays(copy):
 
 
 def test_other_versions_of_libraries_are_refused_by_name(copy, monkeypatch):
-    monkeypatch.setattr("paretoik.execution.machine.version", lambda name: "0.0.1")
+    monkeypatch.setattr("paretoik.runs.machine.version", lambda name: "0.0.1")
     with pytest.raises(InvalidInput, match=r"wanted paretoik \S+, as the run has it, got 0\.0\.1"):
         pk.resume(copy, tracking())
 
@@ -222,7 +222,7 @@ def test_another_file_in_place_of_the_journal_is_refused_and_the_result_stays(co
 
 
 def test_genes_that_the_search_does_not_ask_for_again_are_refused(copy):
-    from paretoik.journal import Journal, key_of
+    from paretoik.runs.journal import Journal, key_of
 
     (copy / CHECKPOINT / JOURNAL).unlink()
     journal = Journal(copy / CHECKPOINT / JOURNAL)
@@ -306,7 +306,7 @@ def test_what_rows_that_are_evaluated_one_by_one_took_is_not_lost_within_a_gener
     ],
 )
 def test_a_run_file_that_someone_made_up_is_refused_in_a_line(copy, change):
-    from paretoik.run_files import check_digest, read_run, run_bytes
+    from paretoik.runs.files import check_digest, read_run, run_bytes
 
     run = read_run(copy / RUN)
     check_digest(copy / RUN, run)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.run_files import DRAWING, POLYGON, RECORDING, TOOL_PATH, TRACES
+from paretoik.runs.files import DRAWING, POLYGON, RECORDING, TOOL_PATH, TRACES
 from tests.api.problems import PATH, tracking
 from tests.api.test_nothing_given_is_lost import drawn
 from tests.capability.test_geodesic import Even

@@ -16,7 +16,7 @@ import pytest
 
 import paretoik as pk
 from paretoik.errors import InvalidInput
-from paretoik.run_files import RECORDING
+from paretoik.runs.files import RECORDING
 
 ROOT = Path(__file__).parents[2]
 EVIL = "import pathlib\npathlib.Path({mark!r}).write_text('run')\ndef problem():\n    return None\nvalue = 3\n"

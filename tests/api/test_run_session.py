@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from paretoik.api.progress import RunProgress
-from paretoik.api.run_session import Subject, run_session
+from paretoik.api.session import Subject, run_session
 from paretoik.errors import Infeasible
 from paretoik.front.front import Front
 from paretoik.review.recording.recorder import Generation
-from paretoik.run_files import RECORDING, RUN
+from paretoik.runs.files import RECORDING, RUN
 from tests.search.problems import Constant
 
 DISPLAY = {"names": ("a",), "units": ("",), "maximised": (False,), "timeline": "generation"}

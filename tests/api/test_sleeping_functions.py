@@ -9,12 +9,12 @@ import pytest
 from pymoo.core.problem import Problem
 
 import paretoik as pk
-from paretoik.api.run_problem import named_problem
+from paretoik.api.load import named_problem
 from paretoik.errors import EvaluationFailed, SolverFailed
-from paretoik.execution.time_limit import limited_evaluations
+from paretoik.inputs import CallLimitOptions
+from paretoik.runs.interruption import limited_evaluations
 from paretoik.stop_flag import STOP
-from paretoik.task.evaluation import require_values
-from paretoik.user_functions import CallLimitOptions
+from paretoik.task.motion_task import require_values
 
 SLEEP = 30.0  # s: longer than any test may take
 ARM, LINE = pk.arms.tringali_3r(), pk.line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=11)
@@ -129,7 +129,7 @@ def test_an_evaluation_timeout_fails_only_the_late_call():
 
 
 def test_a_time_limit_ends_a_module_that_does_not_return(tmp_path, monkeypatch):
-    monkeypatch.setattr("paretoik.execution.time_limit.CALLS", CallLimitOptions(loading=0.5))
+    monkeypatch.setattr("paretoik.runs.interruption.CALLS", CallLimitOptions(loading=0.5))
     (tmp_path / "sleeping_module.py").write_text(FILE.format(module="time.sleep(30)"))
     with pytest.raises(SolverFailed, match=r"no problem was built within 0\.5 s; problem file .* took longer"):
         named_problem(f"{tmp_path / 'sleeping_module.py'}:mine", time_limit=0.5)

@@ -13,7 +13,7 @@ import paretoik as pk
 from paretoik.api.solve import solve
 from paretoik.errors import EvaluationFailed, Infeasible, InvalidInput
 from paretoik.front.indicators import non_dominated
-from paretoik.run_files import RECORDING
+from paretoik.runs.files import RECORDING
 from tests.api.problems import QUICK, tracking
 from tests.review.reading import read, rows
 from tests.search.problems import Constant

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.api.certificate_time import LaterTime
-from paretoik.api.time_left import OPTIONS, time_left
+from paretoik.api.certified_front import LaterTime
+from paretoik.runs.interruption import OPTIONS, time_left
 from tests.api.problems import tracking
 
 
@@ -22,7 +22,7 @@ def test_a_stage_goes_on_as_fast_as_it_was_and_later_ones_are_added():
 def test_later_stages_are_measured_on_points_as_they_come(monkeypatch, unchecked):
     """Two of four points exceed limits: looks at all of them, tightening of half, certificates of all are counted."""
     clock, problem = [0.0], tracking()
-    monkeypatch.setattr("paretoik.api.certificate_time.computing_clock", lambda: clock[0])
+    monkeypatch.setattr("paretoik.api.certified_front.computing_clock", lambda: clock[0])
 
     class Individuals:
         def __init__(self, x):
@@ -40,7 +40,7 @@ def test_later_stages_are_measured_on_points_as_they_come(monkeypatch, unchecked
     def certify(programs, x, **settings):
         clock[0] += 0.2
 
-    monkeypatch.setattr("paretoik.api.certificate_time.certify", certify)
+    monkeypatch.setattr("paretoik.api.certified_front.certify", certify)
     later = LaterTime(formulation=Formulation())
     for sign in (1.0, -1.0, 2.0, -2.0, -2.0):  # the last one has been seen
         later.try_point(np.full((21, 3), sign), np.ones(2), seconds=1e6)

@@ -16,13 +16,13 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.distribution import DistributionOptions, distributing
 from paretoik.errors import InvalidInput
-from paretoik.execution.cluster import Cluster
-from paretoik.execution.executor import open_executor
-from paretoik.execution.machine import processor
-from paretoik.execution.worker_processes import WorkerProcesses
-from paretoik.run_files import CHECKPOINT, JOURNAL, RUN
+from paretoik.runs.cluster import Cluster
+from paretoik.runs.distribution import DistributionOptions, distributing
+from paretoik.runs.executor import open_executor
+from paretoik.runs.files import CHECKPOINT, JOURNAL, RUN
+from paretoik.runs.machine import processor
+from paretoik.runs.processes import WorkerProcesses
 from studies.benchmarks.scaling.local_cluster import local_cluster
 from tests.api.problems import QUICK, tracking
 from tests.api.resumed_runs import PROBLEMS, Deadly, Hanging, Slow, run
@@ -210,7 +210,7 @@ def test_a_closed_loop_is_followed_without_workers_and_islands(name):
 
 
 def test_quick_evaluations_are_told_not_to_pay(monkeypatch, tmp_path):
-    monkeypatch.setattr("paretoik.distribution.OPTIONS", DistributionOptions(trial=0.2))
+    monkeypatch.setattr("paretoik.runs.distribution.OPTIONS", DistributionOptions(trial=0.2))
     with pytest.warns(RuntimeWarning, match="workers: they do not pay here, a task takes"):
         pk.solve(Slow(tmp_path / "rows", seconds=0.0), population=12, generations=90, stagnation=False, workers=2)
 

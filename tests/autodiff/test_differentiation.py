@@ -7,8 +7,7 @@ import pytest
 from hypothesis import assume, given, settings
 
 from paretoik.autodiff.differentiation import dependencies, gradient, hessian, tangents
-from paretoik.autodiff.numpy_ufuncs import COMPOSED, ELEMENTARY
-from paretoik.autodiff.tape import Tape, where
+from paretoik.autodiff.tape import COMPOSED, ELEMENTARY, Tape, where
 from tests.autodiff.trees import KINKED, SMOOTH, VARIABLES, evaluated, points, seeds, taped, trees
 
 STEP = 1e-6

@@ -7,9 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from paretoik.autodiff.numpy_ufuncs import COMPOSED, ELEMENTARY, differentiable_ufuncs
 from paretoik.autodiff.operations import Op
-from paretoik.autodiff.tape import Tape, as_entry
+from paretoik.autodiff.tape import COMPOSED, ELEMENTARY, Tape, as_entry, differentiable_ufuncs
 from tests.autodiff.trees import evaluated
 
 NAN, INF = math.nan, math.inf

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
+from paretoik.autodiff.kinks import copy_entries, norm_terms, smooth_pieces, substitute, summands
 from paretoik.autodiff.operations import Op
-from paretoik.autodiff.rewriting import copy_entries, norm_terms, smooth_pieces, substitute, summands
 from paretoik.autodiff.tape import Tape
 from tests.autodiff.trees import KINKED, SMOOTH, evaluated, points, seeds, taped, trees
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from paretoik.autodiff.sine_cosine import MAX_REDUCED, cosines, sines
+from paretoik.autodiff.interpreter import MAX_REDUCED, cosines, sines
 
 
 def written(function, x):

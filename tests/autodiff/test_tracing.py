@@ -9,9 +9,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from paretoik.autodiff.differentiation import gradient
-from paretoik.autodiff.numpy_array_functions import FUNCTIONS
 from paretoik.autodiff.tape import Expression
-from paretoik.autodiff.tracing import NotLocal, TracedArray
+from paretoik.autodiff.tracing import FUNCTIONS, NotLocal, TracedArray
 from paretoik.errors import InvalidInput
 from tests.autodiff.samples import RNG, ROW, SAMPLES, TABLE, TIME, TURNS, Q, R, V, numbers, traced
 

@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from paretoik.capability.polynomials import Polynomials, monomials
-from paretoik.capability.speed_models import AxesEllipses, PolynomialEllipsoids
+from paretoik.capability.speed_models import AxesEllipses, PolynomialEllipsoids, Polynomials, monomials
 
 TASKS = [2, 3]
 

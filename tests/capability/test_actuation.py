@@ -7,9 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from paretoik.capability.actuation import JointActuation, check_actuation, kim_sliders
+from paretoik.capability.actuation import JointActuation, MotorCurve, check_actuation, kim_sliders
 from paretoik.capability.joint_capability import joint_speeds
-from paretoik.capability.motor_curves import MotorCurve
 from paretoik.errors import InvalidInput
 from paretoik.robot.arm import Arm
 from paretoik.robot.arms import marcos_nr, wan_7r

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import paretoik as pk
+from paretoik.capability.actuation import SHAPES
 from paretoik.capability.joint_capability import torque_capacity
-from paretoik.capability.motor_curves import SHAPES
 from problems import panda
 from tests.capability.drives import motors, planar, rods
 

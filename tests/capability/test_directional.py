@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 import paretoik as pk
 from paretoik.capability.directional_program import DirectionalProgram
 from paretoik.capability.joint_capability import values_at
-from paretoik.capability.posture_ascent import OPTIONS, maximise_from
-from paretoik.capability.posture_samples import sample_holdable_postures, sample_postures_at
+from paretoik.capability.postures import ASCENT_OPTIONS as OPTIONS
+from paretoik.capability.postures import maximise_from, sample_holdable_postures, sample_postures_at
 from paretoik.errors import Infeasible, InvalidInput, OutOfReach
-from paretoik.nlp.dense import DenseProgram
+from paretoik.nlp.dense.dense_program import DenseProgram
 from paretoik.nlp.minimise import minimise
 from paretoik.robot import kinematics
 

@@ -7,9 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from paretoik.capability.actuation import kim_joint_motors, kim_sliders
+from paretoik.capability.actuation import SHAPES, kim_joint_motors, kim_sliders
 from paretoik.capability.joint_capability import joint_speeds, overload_error, torque_capacity
-from paretoik.capability.motor_curves import SHAPES
 from paretoik.robot.arms import kim_3r
 from tests.capability.drives import sliders
 

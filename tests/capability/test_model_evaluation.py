@@ -7,13 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from paretoik.capability.model_evaluation import (
-    check_ends,
-    check_model,
-    evaluate_roots,
-    is_outside,
-    linearise_pieces,
-)
+from paretoik.capability.geodesic import check_ends, check_model, evaluate_roots, is_outside, linearise_pieces
 from paretoik.errors import InvalidInput
 from tests.capability.fields import TASKS, field
 

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from paretoik.capability.motor_curves import SHAPES, MotorCurve
+from paretoik.capability.actuation import SHAPES, MotorCurve
 
 seeds = st.integers(0, 10**6)
 

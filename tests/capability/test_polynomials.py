@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from paretoik.capability.polynomials import Polynomials, monomials, orthogonal_design
+from paretoik.capability.speed_models import Polynomials, monomials, orthogonal_design
 from tests.capability.fields import TASKS, differences
 
 

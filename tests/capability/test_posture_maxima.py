@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from paretoik.capability.posture_maxima import greatest_forces, highest_speeds
+from paretoik.capability.joint_capability import greatest_forces, highest_speeds
 
 
 def cases(task, dof, count=12):

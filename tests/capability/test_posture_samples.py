@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.capability.posture_samples import restrict_to_rods, sample_holdable_postures, sample_postures_at
+from paretoik.capability.postures import restrict_to_rods, sample_holdable_postures, sample_postures_at
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.robot import kinematics
 from paretoik.robot.dynamics import gravity_torques

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from paretoik.capability.rods import angle_range, broadcast, check_geometry
+from paretoik.capability.actuation import angle_range, broadcast, check_geometry
 from paretoik.errors import InvalidInput
 
 

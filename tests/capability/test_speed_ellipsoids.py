@@ -6,10 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from paretoik.capability.polynomials import Polynomials, monomials
-from paretoik.capability.speed_ellipsoids import ellipsoids_at, fit_axes, fit_ellipsoids
-from paretoik.capability.speed_models import PolynomialEllipsoids
-from paretoik.capability.speed_samples import fit_errors
+from paretoik.capability.speed_fit import ellipsoids_at, fit_axes, fit_ellipsoids, fit_errors
+from paretoik.capability.speed_models import PolynomialEllipsoids, Polynomials, monomials
 from paretoik.errors import InvalidInput, SolverFailed
 from tests.capability.fields import (
     TASKS,

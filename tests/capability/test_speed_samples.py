@@ -5,8 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from paretoik.capability.speed_ellipsoids import fit_axes, fit_ellipsoids
-from paretoik.capability.speed_samples import fit_errors
+from paretoik.capability.speed_fit import fit_axes, fit_ellipsoids, fit_errors
 from paretoik.errors import InvalidInput
 from tests.capability.fields import field, grid, units, within
 

@@ -8,10 +8,9 @@ import jaxtyping
 import numpy as np
 import pytest
 
-from paretoik.capability import planner
+from paretoik.capability import time_optimal as planner
 from paretoik.capability.geodesic import fastest_path, path_time
-from paretoik.capability.planner import fastest_plan
-from paretoik.capability.time_optimal import time_optimal_control
+from paretoik.capability.time_optimal import fastest_plan, time_optimal_control
 from paretoik.errors import InvalidInput, SolverFailed
 from tests.capability.test_geodesic import Even, HalfPlane, Ridge, Turned, Waves, ends, lattice_time
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 import paretoik as pk
-from paretoik.run_files import RUN, read_run
+from paretoik.runs.files import RUN, read_run
 
 ROOT = Path(__file__).parents[2]
 PANDA = str(ROOT / "problems" / "robots" / "panda.urdf")

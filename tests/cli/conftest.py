@@ -12,7 +12,7 @@ from tests.cli.commands import MINE, SMALL, Ended
 @pytest.fixture(autouse=True)
 def agreeing(monkeypatch):
     """Say yes to the question whether the code of a run's problem may be run."""
-    monkeypatch.setattr("paretoik.cli.options.has_agreed", lambda _: True)
+    monkeypatch.setattr("paretoik.cli.console.has_agreed", lambda _: True)
 
 
 @pytest.fixture

@@ -142,7 +142,7 @@ def test_a_hasty_motion_is_refused_and_the_advice_leads_to_one_that_a_franka_tak
 
 def test_ones_own_controller_is_named_by_its_file(paretoik, finished, tmp_path):
     (tmp_path / "own_bench.py").write_text(
-        "from paretoik.joint_trajectory.controller import Controller\n"
+        "from paretoik.joint_trajectory.controllers import Controller\n"
         'BENCH = Controller(name="bench", joint_names=["joint1", "joint2", "joint3"], rate=250, velocity=1e-3)\n'
     )
     run = shutil.copytree(finished, tmp_path / "run")

@@ -7,10 +7,10 @@ import pytest
 
 import paretoik as pk
 from paretoik.errors import InvalidInput
-from paretoik.execution.run_folder import LOCK
 from paretoik.loading import load_problem
-from paretoik.review.drawing.recorded_views import ROOTS
-from paretoik.run_files import CHOICES, RECORDING
+from paretoik.review.drawing.choice_layer import ROOTS
+from paretoik.runs.files import CHOICES, RECORDING
+from paretoik.runs.folder import LOCK
 from tests.cli.commands import load_front, strict
 from tests.review.reading import blank_views, read, views
 

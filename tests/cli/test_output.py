@@ -18,7 +18,7 @@ from pathlib import Path
 
 import pytest
 
-from paretoik.cli.output import process_output
+from paretoik.cli.console import process_output
 from tests.cli.commands import MINE, PANDA, ROOT
 
 FULL, NOWHERE = "/dev/full", "/dev/null"

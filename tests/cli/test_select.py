@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.run_files import RECORDING
+from paretoik.runs.files import RECORDING
 from tests.cli.commands import SMALL, load_front, strict
 from tests.review.reading import read, static_values
 

@@ -4,7 +4,7 @@ import pytest
 
 from paretoik.cli.show import show
 from paretoik.errors import InvalidInput
-from paretoik.run_files import DRAWING, RECORDING, write_run
+from paretoik.runs.files import DRAWING, RECORDING, write_run
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ import pytest
 import rerun as rr
 
 from paretoik.errors import InvalidInput
-from paretoik.execution.run_folder import claim_folder
+from paretoik.runs.folder import claim_folder
 from tests.cli.commands import SMALL, first_progress, load_front, started, strict
 from tests.review.children import children, wait_for_end
 

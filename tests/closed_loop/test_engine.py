@@ -12,7 +12,7 @@ from paretoik.closed_loop.objectives import joint_displacement, position_error
 from paretoik.closed_loop.workspace import allocate
 from paretoik.formulations.closed_loop import ClosedLoop
 from paretoik.front.indicators import hypervolume
-from paretoik.search.compiled import sorted_points
+from paretoik.search import sorted_points
 from paretoik.search.maximin import survivors
 from problems import marcos_2012
 from tests.closed_loop.postures import posture

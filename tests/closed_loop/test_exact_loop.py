@@ -9,7 +9,7 @@ from paretoik.errors import Infeasible, InvalidInput
 from paretoik.formulations.closed_loop import ClosedLoop
 from paretoik.robot.arms import marcos_nr, wan_7r
 from paretoik.task.limits import Limits
-from paretoik.task.path_shapes import line
+from paretoik.task.path import line
 from problems import marcos_2012
 from tests.closed_loop.planar_geometry import meets
 from tests.closed_loop.postures import posture

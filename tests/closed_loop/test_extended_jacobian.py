@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from paretoik.closed_loop.extended_jacobian import decode
+from paretoik.closed_loop.engine import decode
 from paretoik.closed_loop.workspace import StepStart
 
 

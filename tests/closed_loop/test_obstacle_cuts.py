@@ -15,7 +15,7 @@ from paretoik.formulations.closed_loop import ClosedLoop
 from paretoik.robot.arm import Arm
 from paretoik.robot.pose import Pose
 from paretoik.task.obstacles import Box, Capsule, Circle, Sphere
-from paretoik.task.path_shapes import line
+from paretoik.task.path import line
 from studies.benchmarks.closed_loop.exactness import WEIGHTS, dense_search, objectives, random_steps
 from tests.closed_loop.planar_steps import HOME, tool
 

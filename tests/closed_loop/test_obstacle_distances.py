@@ -2,13 +2,11 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.closed_loop.obstacle_distances import evaluate_distances
-from paretoik.closed_loop.obstacle_tables import bounding_ball, tabulate
-from paretoik.closed_loop.programs import trace_nodes
+from paretoik.closed_loop.admissible_steps import evaluate_distances
+from paretoik.closed_loop.programs import bounding_ball, tabulate, trace_nodes
 from paretoik.robot.kinematics import link_nodes
 from paretoik.robot.pose import Pose
-from paretoik.task.distances import clearance
-from paretoik.task.obstacles import Box, Capsule, Circle, Sphere
+from paretoik.task.obstacles import Box, Capsule, Circle, Sphere, clearance
 from problems import marcos_2012
 from tests.closed_loop.postures import posture
 

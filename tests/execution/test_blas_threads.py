@@ -6,8 +6,8 @@ import pytest
 import scipy.linalg  # noqa: F401  # has a BLAS of its own
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from paretoik.api.verb_session import verb_session
-from paretoik.execution.blas_threads import single_blas_thread
+from paretoik.api.session import verb_session
+from paretoik.runs.machine import single_blas_thread
 
 
 def blas_threads() -> set[int]:

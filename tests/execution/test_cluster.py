@@ -11,11 +11,11 @@ from dataclasses import replace
 
 import pytest
 
-from paretoik.distribution import Done, Lost, Raised
 from paretoik.errors import InvalidInput, SolverFailed
-from paretoik.execution.cluster import Cluster
-from paretoik.execution.cluster_options import OPTIONS
-from paretoik.execution.machine import processor
+from paretoik.runs.cluster import Cluster
+from paretoik.runs.cluster_scheduler import OPTIONS
+from paretoik.runs.distribution import Done, Lost, Raised
+from paretoik.runs.machine import processor
 from studies.benchmarks.scaling.local_cluster import local_cluster
 from tests.execution import work
 from tests.execution.test_worker_processes import check_that_a_signal_ends, is_alive, values, wait_until
@@ -81,13 +81,13 @@ def test_a_signal_ends_the_wait_within_a_second(cluster):
 
 
 def test_workers_with_another_version_are_refused_by_name(cluster, monkeypatch):
-    monkeypatch.setattr("paretoik.execution.cluster.software", lambda: {"numpy": "1.0"})
+    monkeypatch.setattr("paretoik.runs.cluster.software", lambda: {"numpy": "1.0"})
     with pytest.raises(InvalidInput, match=r"cluster: workers with what this process has, numpy 1.0 wanted, got \d"):
         list(cluster.replies(work.scaled, 1.0, [1.0]))
 
 
 def test_another_make_of_processor_is_said_once(cluster, monkeypatch):
-    monkeypatch.setattr("paretoik.execution.cluster.processor", lambda: ("riscv64",))
+    monkeypatch.setattr("paretoik.runs.cluster.processor", lambda: ("riscv64",))
     with pytest.warns(RuntimeWarning, match="another make of processor: the run is reproducible to tolerance") as told:
         assert values(cluster.replies(work.scaled, 1.0, [1.0, 2.0])) == {0: 1.0, 1: 2.0}
     assert sum("another make" in str(each.message) for each in told) == 1

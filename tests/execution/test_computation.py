@@ -7,10 +7,10 @@ from contextlib import closing
 
 import pytest
 
-from paretoik.distribution import distributing
-from paretoik.execution.computation import computed, computed_text
-from paretoik.execution.machine import processor
-from paretoik.execution.worker_processes import WorkerProcesses
+from paretoik.runs.distribution import distributing
+from paretoik.runs.executor import computed, computed_text
+from paretoik.runs.machine import processor
+from paretoik.runs.processes import WorkerProcesses
 
 HERE = " ".join(processor())
 ALONE = {"by": "this process", "processor": HERE}

@@ -7,7 +7,7 @@ import threading
 import numba
 import pytest
 
-from paretoik.execution.interrupts import interruptible
+from paretoik.runs.interruption import interruptible
 from paretoik.stop_flag import STOP, Interrupted, check_interruption
 
 

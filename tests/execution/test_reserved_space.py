@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from paretoik.errors import InvalidInput
-from paretoik.execution import reserved_space
-from paretoik.execution.reserved_space import OPTIONS, ReservedSpace
+from paretoik.runs import folder as reserved_space
+from paretoik.runs.folder import OPTIONS, ReservedSpace
 from studies.benchmarks.reliability.full_disk import namespaces_can_mount
 
 ROOT = Path(__file__).parents[2]

@@ -12,8 +12,7 @@ from pathlib import Path
 import pytest
 
 from paretoik.errors import InvalidInput
-from paretoik.execution.run_folder import LOCK, claim_folder, lock_folder
-from paretoik.run_files import (
+from paretoik.runs.files import (
     CHECKPOINT,
     CHOICES,
     CONTENTS,
@@ -24,11 +23,12 @@ from paretoik.run_files import (
     unfinished_note,
     write_run,
 )
+from paretoik.runs.folder import LOCK, claim_folder, lock_folder
 
 HOLDER = """
 import json, sys, time
-from paretoik.execution.run_folder import claim_folder
-from paretoik.run_files import write_run
+from paretoik.runs.folder import claim_folder
+from paretoik.runs.files import write_run
 with claim_folder(sys.argv[1], overwrite=True) as folder:
     write_run(folder, json.loads(sys.argv[2]))
     print("held", flush=True)
@@ -174,8 +174,8 @@ def test_a_run_that_ended_for_want_of_a_motion_says_why_and_not_how_to_go_on(tmp
 
 KILLED = """
 import os, signal, sys
-from paretoik.execution.run_folder import claim_folder
-from paretoik.run_files import write_run
+from paretoik.runs.folder import claim_folder
+from paretoik.runs.files import write_run
 left, rename = int(sys.argv[2]), os.rename
 def counted(*names, **folders):
     global left
@@ -204,9 +204,9 @@ PLANTED = """
 import os, shutil, sys
 from pathlib import Path
 from paretoik.errors import InvalidInput
-from paretoik.execution.run_folder import claim_folder
-from paretoik.file_replacement import only_writer, replace_files
-from paretoik.run_files import write_run
+from paretoik.runs.folder import claim_folder
+from paretoik.runs.file_replacement import only_writer, replace_files
+from paretoik.runs.files import write_run
 root, elsewhere = Path(sys.argv[1]), Path(sys.argv[2])
 def claim(folder, last):
     names = ".former-run", ".former-run.part", ".saved", f".saved.{os.getpid()}", "checkpoint"

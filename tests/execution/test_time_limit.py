@@ -11,8 +11,7 @@ import pytest
 from paretoik import compilation_notices
 from paretoik.compilation_notices import begin_compilation, computing_clock, end_compilation
 from paretoik.errors import InvalidInput
-from paretoik.execution.interrupts import interruptible
-from paretoik.execution.time_limit import reserve_time, time_limit
+from paretoik.runs.interruption import interruptible, reserve_time, time_limit
 from paretoik.stop_flag import STOP, Interrupted, check_interruption
 
 

@@ -14,9 +14,9 @@ from pathlib import Path
 
 import pytest
 
-from paretoik.distribution import Done, Lost, Raised
 from paretoik.errors import InvalidInput
-from paretoik.execution.worker_processes import OPTIONS, WorkerProcesses
+from paretoik.runs.distribution import Done, Lost, Raised
+from paretoik.runs.processes import OPTIONS, WorkerProcesses
 from paretoik.stop_flag import STOP, Interrupted
 from tests.execution import work
 

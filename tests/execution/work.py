@@ -13,8 +13,8 @@ import time
 from pathlib import Path
 from typing import Any
 
-from paretoik.distribution import threads
-from paretoik.execution.worker_processes import WorkerProcesses
+from paretoik.runs.distribution import threads
+from paretoik.runs.processes import WorkerProcesses
 
 
 def scaled(factor: float, item: float) -> float:

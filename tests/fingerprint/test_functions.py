@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.fingerprint.fingerprint import fingerprint
+from paretoik.runs.fingerprint import fingerprint
 from tests.fingerprint.every_syntax import EVERYTHING
 from tests.fingerprint.users_code import PREFIX, loader
 
@@ -241,7 +241,7 @@ def test_code_without_a_file_is_told_apart_by_its_bytecode():
 def test_every_process_has_the_same(load, before, tmp_path, seed):
     (tmp_path / "mine.py").write_text(SOURCE + "\nSETS = {'x', 'y', 'z'}\n")
     script = (
-        "import mine; from paretoik.fingerprint.fingerprint import fingerprint;"
+        "import mine; from paretoik.runs.fingerprint import fingerprint;"
         f"print(fingerprint([getattr(mine, n) for n in {WHOLE}]), fingerprint([mine.SETS, frozenset(mine.SETS)]))"
     )
     environment = os.environ | {"PYTHONHASHSEED": seed, "PYTHONPATH": os.pathsep.join([str(tmp_path), str(ROOT)])}

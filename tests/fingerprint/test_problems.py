@@ -10,7 +10,7 @@ from pymoo.core.problem import Problem
 from pymoo.problems import get_problem
 
 import paretoik as pk
-from paretoik.fingerprint.fingerprint import SCHEME, check_fingerprint, fingerprint
+from paretoik.runs.fingerprint import SCHEME, check_fingerprint, fingerprint
 from tests.closed_loop.postures import posture
 from tests.fingerprint.variants import variants
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from paretoik.fingerprint.classes import EVALUATION
+from paretoik.runs.fingerprint import EVALUATION
 
 OPAQUE = (type, type(len), type(lambda: None), Path)  # code, and where files are: other tests change these
 

@@ -7,9 +7,9 @@ import pytest
 
 import paretoik as pk
 from paretoik.errors import InvalidInput
-from paretoik.formulations.base_motions import choose_bases, positions_on_path, sample_rollouts
-from paretoik.self_motion.branches import branch_labels
-from paretoik.task.evaluation import evaluate_motions
+from paretoik.formulations.tracking import choose_bases, positions_on_path, sample_rollouts
+from paretoik.task.motion_task import evaluate_motions
+from paretoik.task.self_motion import branch_labels
 from tests.task.tasks import ARM, task
 
 LIMITED = task(limits=pk.Limits(velocity=2.0), objectives=[pk.kinetic_energy, pk.joint_travel])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.formulations.interpolation import values_between
+from paretoik.formulations.motions import values_between
 from paretoik.front.indicators import hypervolume
 from paretoik.trajectory.program import joint_distance
 from problems import tringali_2020

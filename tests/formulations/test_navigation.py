@@ -11,10 +11,9 @@ from paretoik.errors import Infeasible, InvalidInput
 from paretoik.formulations.navigation import natural_weights
 from paretoik.front.indicators import non_dominated
 from paretoik.nlp.minimise import minimise
-from paretoik.nlp.violation import violation_of
+from paretoik.nlp.program import violation_of
 from paretoik.pareto.continuation import can_follow
-from paretoik.pareto.goals import Aim, Wish
-from paretoik.pareto.navigation import OPTIONS
+from paretoik.pareto.navigation import OPTIONS, Aim, Wish
 
 
 def line(samples):

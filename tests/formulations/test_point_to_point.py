@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.capability.timing import minimum_timing
+from paretoik.capability.point_to_point_program import minimum_timing
 from paretoik.errors import Infeasible, InvalidInput, OutOfReach
 from paretoik.robot import dynamics, kinematics
 from tests.robot.oracles import potential_energy

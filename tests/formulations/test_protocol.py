@@ -9,7 +9,7 @@ from pymoo.problems.multi.zdt import ZDT1
 import paretoik as pk
 from paretoik.errors import InvalidInput
 from paretoik.formulations import protocol
-from paretoik.formulations.stored_motions import restore_motions
+from paretoik.formulations.motions import restore_motions
 from tests.api.problems import tracking
 
 PLAIN = ZDT1(n_var=3)

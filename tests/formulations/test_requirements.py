@@ -7,8 +7,8 @@ from pymoo.problems.multi.zdt import ZDT1
 
 import paretoik as pk
 from paretoik.errors import InvalidInput
-from paretoik.formulations.requirements import require_plan, require_program
-from paretoik.search.seeding import check_sizes
+from paretoik.formulations.protocol import require_plan, require_program
+from paretoik.search.genes import check_sizes
 from tests.api.problems import tracking
 
 PLAIN = ZDT1(n_var=3)

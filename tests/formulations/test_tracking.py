@@ -13,7 +13,7 @@ import paretoik as pk
 from paretoik import Limits, Motion, Task, Tracking, circle, kinetic_energy, line
 from paretoik.errors import Infeasible, InvalidInput, OutOfReach
 from paretoik.robot.arms import tringali_3r
-from paretoik.self_motion.motion_starts import OPTIONS
+from paretoik.task.starts import MOTION_OPTIONS as OPTIONS
 from tests.formulations.problems import OBJECTIVES, PROBLEMS, SMALL, built, paper_3r
 
 every_problem = pytest.mark.parametrize("name", PROBLEMS)

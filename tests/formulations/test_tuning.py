@@ -13,9 +13,9 @@ from pymoo.optimize import minimize
 import paretoik as pk
 from paretoik import line, measures, methods
 from paretoik.errors import InvalidInput, OutOfReach
-from paretoik.fingerprint.fingerprint import fingerprint
 from paretoik.robot import kinematics
 from paretoik.robot.arms import tringali_3r, wan_7r
+from paretoik.runs.fingerprint import fingerprint
 from tests.capability.test_geodesic import Even
 from tests.resolution.test_resolve import BENT, begun
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from paretoik.front.front import Front
-from paretoik.front.joint_motions import StoredJoints, StoredMotions
+from paretoik.front.points import StoredJoints, StoredMotions
 
 
 @pytest.fixture

@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 
 from paretoik.errors import InvalidInput, InvalidRun
-from paretoik.front.choices import read_choices
+from paretoik.front.choice_tree import read_choices
 from paretoik.front.front import Front
 from paretoik.front.preferences import Bounds, Weights
-from paretoik.run_files import CHOICES, run_bytes
+from paretoik.runs.files import CHOICES, run_bytes
 
 ROOT = Path(__file__).parents[2]
 GROWING = """

@@ -10,11 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from paretoik.errors import InvalidInput
-from paretoik.front.comparison import Comparison
-from paretoik.front.comparison_text import comparison_entries
+from paretoik.front.comparison import Comparison, comparison_entries
 from paretoik.front.front import Front
 from paretoik.front.indicators import hypervolume, non_dominated
-from paretoik.front.joint_motions import StoredJoints, StoredMotions
+from paretoik.front.points import StoredJoints, StoredMotions
 
 
 def make(values: np.ndarray, *, first_id: int = 0, maximised=None, **parts) -> Front:

@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from paretoik.errors import Infeasible
-from paretoik.front.compromise import COMPROMISE_IN_WORDS, compromise
 from paretoik.front.front import Front
+from paretoik.front.preferences.compromise import COMPROMISE_IN_WORDS, compromise
 from tests.front.random_fronts import random_front
 
 

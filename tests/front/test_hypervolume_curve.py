@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from paretoik.front.hypervolume_curve import OPTIONS, HypervolumeCurve
-from paretoik.front.indicators import estimate_hypervolume, hypervolume
+from paretoik.front.indicators import CURVE_OPTIONS as OPTIONS
+from paretoik.front.indicators import HypervolumeCurve, estimate_hypervolume, hypervolume
 
 
 def sphere(points: int, n_obj: int) -> np.ndarray:

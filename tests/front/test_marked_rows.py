@@ -7,8 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from paretoik.front.compromise import score_shares
-from paretoik.front.marked_rows import best_rows, marked_rows
+from paretoik.front.preferences.compromise import best_rows, marked_rows, score_shares
 
 SMALL = st.integers(0, 3).map(float)  # so that many are equal
 FRONTS = st.tuples(st.integers(1, 9), st.integers(1, 4)).flatmap(lambda shape: arrays(float, shape, elements=SMALL))

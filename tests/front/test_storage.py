@@ -17,7 +17,7 @@ import pytest
 from paretoik.errors import InvalidInput, InvalidRun
 from paretoik.front.certificates import Certificates
 from paretoik.front.front import Front
-from paretoik.run_files import MOTIONS, RUN, TABLE
+from paretoik.runs.files import MOTIONS, RUN, TABLE
 
 FILES = (RUN, TABLE, MOTIONS)
 THREADS = """

@@ -7,7 +7,7 @@ import pytest
 
 from paretoik.errors import InvalidInput
 from paretoik.front.front import Choice, Front
-from paretoik.front.subset import largest_id
+from paretoik.front.points import largest_id
 
 
 def test_points_within_bounds_keep_all_that_they_have(front):

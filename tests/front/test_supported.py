@@ -5,8 +5,8 @@ import pytest
 from scipy.optimize import linprog, nnls
 
 from paretoik.front.front import Front
-from paretoik.front.preference_options import OPTIONS
-from paretoik.front.supported import _unmatched_by_mixtures
+from paretoik.front.geometry import PREFERENCE_OPTIONS as OPTIONS
+from paretoik.front.geometry import _unmatched_by_mixtures
 from tests.front.random_fronts import random_front
 
 

@@ -7,9 +7,8 @@ from pathlib import Path
 import numpy as np
 
 import paretoik as pk
-from paretoik.joint_trajectory.controller import Controller
-from paretoik.joint_trajectory.time_scaling import TimeScaling
-from paretoik.joint_trajectory.trajectory import JointTrajectory, sample_motion
+from paretoik.joint_trajectory.controllers import Controller
+from paretoik.joint_trajectory.trajectory import JointTrajectory, TimeScaling, sample_motion
 from tests.task.test_joint_curve import CASES, motion
 from tests.task.test_motion_between_samples import on_circle
 

@@ -10,7 +10,7 @@ import pytest
 
 import paretoik as pk
 from paretoik.errors import InvalidInput
-from paretoik.joint_trajectory.controller import Braking, Controller
+from paretoik.joint_trajectory.controllers import Braking, Controller
 from tests.joint_trajectory.motions import PANDA
 
 TWO = {"name": "bench", "joint_names": ("joint1", "joint2"), "rate": 250}

@@ -10,7 +10,7 @@ import pytest
 import paretoik as pk
 from paretoik.errors import Infeasible
 from paretoik.joint_trajectory.fitting import fit_motion
-from paretoik.joint_trajectory.time_scaling import time_scaling
+from paretoik.joint_trajectory.trajectory import time_scaling
 from tests.joint_trajectory.motions import MOTIONS, PANDA, SWING, bench, least_jerk, swing
 
 FRANKA = pk.controllers.PANDA

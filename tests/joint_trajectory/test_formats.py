@@ -14,8 +14,7 @@ from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
 from paretoik.errors import InvalidInput
-from paretoik.joint_trajectory.formats import FORMATS, find_format, write_trajectory
-from paretoik.joint_trajectory.ros import MESSAGE, TOPIC
+from paretoik.joint_trajectory.formats import FORMATS, MESSAGE, TOPIC, find_format, write_trajectory
 from paretoik.joint_trajectory.trajectory import JointTrajectory
 from tests.joint_trajectory.motions import MOTIONS, sampled
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import paretoik as pk
-from paretoik.joint_trajectory.limit_check import limit_uses, unrest
+from paretoik.joint_trajectory.fitting import limit_uses, unrest
 from paretoik.joint_trajectory.trajectory import JointTrajectory
 from tests.joint_trajectory.motions import MOTIONS, PANDA, bench, sampled
 

@@ -8,10 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from paretoik.joint_trajectory.limit_check import limit_uses
-from paretoik.joint_trajectory.slow_down import slow_down
-from paretoik.joint_trajectory.time_scaling import time_scaling
-from paretoik.joint_trajectory.trajectory import sample_motion
+from paretoik.joint_trajectory.fitting import limit_uses, slow_down
+from paretoik.joint_trajectory.trajectory import sample_motion, time_scaling
 from tests.joint_trajectory.motions import MOTIONS, PANDA, bench, swing
 
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from paretoik.errors import InvalidInput
-from paretoik.joint_trajectory.time_scaling import TimeScaling, time_scaling
+from paretoik.joint_trajectory.trajectory import TimeScaling, time_scaling
 
 durations = st.floats(0.3, 20.0)
 rates = st.sampled_from([50.0, 125.0, 300.0, 1000.0])

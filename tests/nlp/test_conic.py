@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from paretoik.nlp.conic import Structure, structural_product
+from paretoik.nlp.program import Structure, structural_product
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -7,9 +7,9 @@ from scipy import sparse
 from scipy.optimize import minimize, nnls
 
 from paretoik.errors import SolverFailed
-from paretoik.nlp import canonical
-from paretoik.nlp.conic import Cone, Constraints
+from paretoik.nlp import convex_subproblem as canonical
 from paretoik.nlp.criticality import OPTIONS, _solve_near, active_set_criticality, criticality, quick_criticality
+from paretoik.nlp.program import Cone, Constraints
 
 
 def random_point(seed, *, objectives=2, unknowns=40, limits=90):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from paretoik.errors import SolverFailed
-from paretoik.nlp.ellipsoid_fit import fit_inverse_squares, symmetric_basis
+from paretoik.nlp.convex_programs import fit_inverse_squares, symmetric_basis
 
 FLOOR = 1e-3
 

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from paretoik.errors import SolverFailed
-from paretoik.nlp.interval_program import IntervalSolver, Pieces
+from paretoik.nlp.convex_programs import IntervalSolver, Pieces
 
 
 def random_pieces(seed, *, count=6, task=2):

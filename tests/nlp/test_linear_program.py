@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from paretoik.capability.posture_maxima import fastest_joint_speeds, highest_speeds
+from paretoik.capability.joint_capability import fastest_joint_speeds, highest_speeds
 from paretoik.errors import SolverFailed
-from paretoik.nlp.linear_program import furthest
+from paretoik.nlp.convex_programs import furthest
 
 seeds = st.integers(0, 10**6)
 

@@ -10,11 +10,9 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.nlp.dense import DenseProgram
-from paretoik.nlp.interior_point_options import InteriorPointOptions
+from paretoik.nlp.dense.dense_program import DenseProgram, trace_rows
 from paretoik.nlp.minimise import minimise
-from paretoik.nlp.solutions import CONVERGED, INTERRUPTED, ITERATION_LIMIT, NOT_FINITE, VIOLATED
-from paretoik.nlp.traced import trace_rows
+from paretoik.nlp.program import CONVERGED, INTERRUPTED, ITERATION_LIMIT, NOT_FINITE, VIOLATED, InteriorPointOptions
 from paretoik.stop_flag import STOP, Interrupted
 from paretoik.trajectory.transcription import motion_program
 from problems.tringali_2020 import simulation_4

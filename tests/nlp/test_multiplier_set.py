@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog
 
 from paretoik.errors import SolverFailed
-from paretoik.nlp import multiplier_set
-from paretoik.nlp.multiplier_set import share_ranges
+from paretoik.nlp import criticality as multiplier_set
+from paretoik.nlp.criticality import share_ranges
 
 
 def shares_by_linear_programs(gradients, active):

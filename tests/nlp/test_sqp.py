@@ -10,11 +10,9 @@ import pytest
 from scipy.optimize import minimize
 
 from paretoik.errors import EvaluationFailed
-from paretoik.nlp.dense import DenseProgram
-from paretoik.nlp.program import Goal, bounded
-from paretoik.nlp.solutions import CONVERGED, ITERATION_LIMIT, VIOLATED
+from paretoik.nlp.dense.dense_program import DenseProgram, trace_rows
+from paretoik.nlp.program import CONVERGED, ITERATION_LIMIT, VIOLATED, Goal, bounded
 from paretoik.nlp.sqp import SqpOptions, minimise
-from paretoik.nlp.traced import trace_rows
 
 OPTIONS = SqpOptions(radius=0.1, tolerance=1e-9)
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from paretoik.nlp.conic import Cone, Constraints
-from paretoik.nlp.subproblem import solve_subproblem, solve_with_cvxpy
+from paretoik.nlp.convex_subproblem import solve_subproblem, solve_with_cvxpy
+from paretoik.nlp.program import Cone, Constraints
 
 
 def random_model(seed, *, unknowns=20, extra=4, limits=40):

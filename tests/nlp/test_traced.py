@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from paretoik.nlp.dense import DenseProgram
-from paretoik.nlp.interior_point_options import InteriorPointOptions
+from paretoik.nlp.dense.dense_program import DenseProgram, trace_rows
 from paretoik.nlp.minimise import minimise
-from paretoik.nlp.solutions import CONVERGED
-from paretoik.nlp.traced import trace_rows
+from paretoik.nlp.program import CONVERGED, InteriorPointOptions
 
 OPTIONS = InteriorPointOptions(radius=0.1, iterations=200, tolerance=1e-9)
 

@@ -7,9 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from paretoik.nlp.dense import DenseProgram
-from paretoik.nlp.traced import trace_rows
-from paretoik.nlp.violation import violation_at, violation_of
+from paretoik.nlp.dense.dense_program import DenseProgram, trace_rows
+from paretoik.nlp.program import violation_at, violation_of
 
 
 def program(**changes):

@@ -6,11 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from paretoik.nlp.dense import DenseProgram
-from paretoik.nlp.traced import trace_rows
+from paretoik.nlp.dense.dense_program import DenseProgram, trace_rows
 from paretoik.pareto.certificates import certify
-from paretoik.pareto.cold_search import StartSearch
 from paretoik.pareto.epsilon import epsilon_points
+from paretoik.pareto.scalarisation import StartSearch
 
 SHARES = np.array([0.2, 0.5, 0.8, 0.9])
 ONES = np.ones(2)

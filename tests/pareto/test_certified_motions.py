@@ -3,8 +3,8 @@ import pytest
 from scipy import sparse
 
 import paretoik as pk
-from paretoik.nlp.conic import Constraints
-from paretoik.pareto.exchange_rates import exchange_rates, weight_ratios
+from paretoik.nlp.program import Constraints
+from paretoik.pareto.certificates import exchange_rates, weight_ratios
 from problems import tringali_2020
 from tests.pareto.motions import certify_motions
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from paretoik.errors import SolverFailed
-from paretoik.nlp.interior_point_options import InteriorPointOptions
-from paretoik.pareto import cold_search
-from paretoik.pareto.cold_search import StartSearch, optima_alone
+from paretoik.nlp.program import InteriorPointOptions
+from paretoik.pareto import scalarisation as cold_search
+from paretoik.pareto.scalarisation import StartSearch, optima_alone
 from tests.pareto.sketches import scaled, sketched
 
 
@@ -37,10 +37,10 @@ def test_the_optima_of_one_objective_come_best_first():
 
 def test_starts_that_the_first_barrier_loses_are_tried_with_the_second(monkeypatch):
     optima = search().optima(0)
-    lost = replace(cold_search.OPTIONS, barrier=InteriorPointOptions(barrier=1e-2, iterations=1))
-    monkeypatch.setattr(cold_search, "OPTIONS", lost)
+    lost = replace(cold_search.COLD_OPTIONS, barrier=InteriorPointOptions(barrier=1e-2, iterations=1))
+    monkeypatch.setattr(cold_search, "COLD_OPTIONS", lost)
     assert search().optima(0)[0] == pytest.approx(optima[0], abs=1e-5)
-    monkeypatch.setattr(cold_search, "OPTIONS", replace(lost, second_barrier=lost.barrier))
+    monkeypatch.setattr(cold_search, "COLD_OPTIONS", replace(lost, second_barrier=lost.barrier))
     with pytest.raises(SolverFailed, match="a start that leads to a point within all limits wanted, found none"):
         search().optima(0)
 

@@ -9,13 +9,13 @@ import pytest
 from scipy.optimize import brentq
 
 import paretoik as pk
-from paretoik.nlp.compiled.continuation import CorrectionOptions
-from paretoik.nlp.compiled.continuation import correct as search
-from paretoik.nlp.compiled.parametric_qp import QpOptions
 from paretoik.nlp.minimise import minimise
+from paretoik.nlp.parametric_qp.correction import CorrectionOptions
+from paretoik.nlp.parametric_qp.correction import correct as search
+from paretoik.nlp.parametric_qp.solution import QpOptions
 from paretoik.pareto import continuation
 from paretoik.pareto.continuation import correct, follow, guess_optimum, predict
-from paretoik.pareto.goals import Aim, Wish
+from paretoik.pareto.navigation import Aim, Wish
 from paretoik.trajectory.plan_starts import sample_starts
 from paretoik.trajectory.transcription import motion_program
 from tests.pareto.sketches import ellipses, ellipses_best, placed, sketched

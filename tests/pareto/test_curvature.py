@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from paretoik.nlp.conic import Constraints
+from paretoik.nlp.program import Constraints
 from paretoik.pareto.curvature import least_multipliers, null_space
 
 

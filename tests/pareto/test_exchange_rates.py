@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array
 
-from paretoik.nlp.conic import Constraints
-from paretoik.pareto.exchange_rates import exchange_intervals, exchange_rates, weight_ratios
+from paretoik.nlp.program import Constraints
+from paretoik.pareto.certificates import exchange_intervals, exchange_rates, weight_ratios
 
 RANGES = np.array([2.0, 5.0, 0.1])
 SIGNS = np.array([1.0, -1.0, 1.0])

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from paretoik.pareto.gap_filling import POINT_TOLERANCE, _gaps, fill_gaps, front_rows, is_duplicate, spread_rows
+from paretoik.pareto.placement import POINT_TOLERANCE, _gaps, fill_gaps, front_rows, is_duplicate, spread_rows
 
 seeds = st.integers(0, 10**6)
 

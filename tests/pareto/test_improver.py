@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from paretoik.pareto.improver import suggest_points
+from paretoik.pareto.refine import suggest_points
 from tests.pareto.sketches import sketched
 
 

@@ -7,10 +7,10 @@ from contextlib import closing
 import numpy as np
 import pytest
 
-from paretoik.distribution import distributing
-from paretoik.execution.worker_processes import WorkerProcesses
-from paretoik.pareto.epsilon_levels import Level, LevelSolver
 from paretoik.pareto.refine import refine
+from paretoik.pareto.sweep import Level, LevelSolver
+from paretoik.runs.distribution import distributing
+from paretoik.runs.processes import WorkerProcesses
 from tests.pareto.sketches import ellipses, placed, scaled, sketched
 
 PROGRAM = scaled(sketched(2, ellipses), [2.0, 25.0])

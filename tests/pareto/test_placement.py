@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from paretoik.front.geometry import tangents_meet
 from paretoik.front.indicators import hypervolume
-from paretoik.front.tangents import tangents_meet
 from paretoik.pareto.placement import OPTIONS, BestSubsets, best_rows, gap_between, next_targets
 
 seeds = st.integers(0, 10**6)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from paretoik.front.indicators import ranges_of
-from paretoik.nlp.interior_point_options import InteriorPointOptions
+from paretoik.nlp.program import InteriorPointOptions
 from paretoik.pareto.scalarisation import main_weights, minimise_weighted, objective_sizes
 from tests.pareto.sketches import ellipses, ellipses_best, placed, sketched
 

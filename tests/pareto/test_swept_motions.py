@@ -3,8 +3,8 @@ import pytest
 
 import paretoik as pk
 from paretoik.front.indicators import hypervolume
-from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.minimise import minimise
+from paretoik.nlp.program import InteriorPointOptions
 from paretoik.pareto.sweep import Sweep
 from paretoik.task.retraction import retract_nearest
 from paretoik.trajectory.transcription import motion_program

@@ -10,7 +10,7 @@ from paretoik import Limits, line
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.robot import kinematics
 from paretoik.robot.arms import tringali_3r
-from paretoik.task.motion_task_validation import motion_task
+from paretoik.task.validation import motion_task
 from tests.resolution.test_resolve import ARMS, CRITERIA, FEEDBACK, START, begun, every_arm
 
 DOWN = line([0.468, 0.0], [0.368, 0.0], duration=1.0, samples=101)

@@ -8,7 +8,7 @@ import pytest
 import paretoik as pk
 from paretoik import kinetic_energy, line
 from paretoik.errors import InvalidInput
-from paretoik.resolution.equation_of_motion import equation_of_motion
+from paretoik.resolution.variational import equation_of_motion
 from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arms import tringali_3r
 from tests.self_motion.test_motion_starts import task_of

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from paretoik.resolution.joint_weights import buffer_depth, clamping_weight, criterion_weight
+from paretoik.resolution.kernels import buffer_depth, clamping_weight, criterion_weight
 
 WIDTH = 0.5
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear, nnls
 
-from paretoik.resolution.limited_step import StepGoal, StepLimits, limited_step
-from paretoik.resolution.traces import STATUS
+from paretoik.resolution.constrained import StepGoal, StepLimits, limited_step
+from paretoik.resolution.protocol import STATUS
 
 SEEDS = range(12)
 

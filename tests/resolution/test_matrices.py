@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from paretoik.resolution.matrices import cholesky, weighted_square
+from paretoik.nlp.linear_algebra import cholesky, weighted_square
 
 
 @given(seed=st.integers(0, 10_000), rows=st.integers(1, 8), dof=st.integers(1, 8))

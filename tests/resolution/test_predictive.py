@@ -15,8 +15,8 @@ from paretoik.resolution.horizon import horizon_program, quartic_spline
 from paretoik.resolution.predictive import follow_predictively, schedules
 from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arms import marcos_nr, tringali_3r
-from paretoik.task.motion_task_validation import motion_task
 from paretoik.task.retraction import task_errors
+from paretoik.task.validation import motion_task
 from tests.formulations.problems import panda
 from tests.resolution.test_resolve import begun
 

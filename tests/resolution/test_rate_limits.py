@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from paretoik.resolution.rate_limits import RateLimits, highest_rate, intersection
+from paretoik.resolution.constrained import RateLimits, highest_rate, intersection
 
 STEPS = 25
 

@@ -5,7 +5,7 @@ import pytest
 
 import paretoik as pk
 from paretoik.front.front import Front
-from paretoik.review.drawing.chosen_recording import recording_with_choice
+from paretoik.review.drawing.choice_layer import recording_with_choice
 from paretoik.review.recording.recorder import Generation
 from paretoik.robot.arm import Arm
 from paretoik.task.motion import Motion

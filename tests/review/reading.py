@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import rerun as rr
 
-from paretoik.review.drawing.recorded_views import ROOTS
+from paretoik.review.drawing.choice_layer import ROOTS
 
 TIMELINES = (
     *("generation", "motion", "replay", "point", "step", "individual", "level", "refinement"),

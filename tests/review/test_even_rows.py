@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from paretoik.review.even_rows import even_rows
+from paretoik.review.palette import even_rows
 
 
 @given(st.integers(1, 3000), st.integers(2, 300))

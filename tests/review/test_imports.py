@@ -5,7 +5,7 @@ import sys
 
 PROBE = """
 import sys
-import paretoik.front.storage, paretoik.execution.run_folder
+import paretoik.front.storage, paretoik.runs.folder
 import paretoik.review.recording.recorder
 print(sorted({"rerun", "matplotlib", "pymoo", "pyarrow", "moocore"} & set(sys.modules)))
 """

@@ -12,8 +12,8 @@ from uuid import UUID
 import numpy as np
 import rerun as rr
 
-from paretoik.review.drawing.drawn_axes import TEXT, text_width
-from paretoik.review.drawing_options import VIEWS
+from paretoik.review.drawing.axes import TEXT, text_width
+from paretoik.review.palette import VIEWS
 from tests.review.reading import opening_layout, read, static_values, static_words
 
 TABS, HORIZONTAL, VERTICAL = 1, 2, 3

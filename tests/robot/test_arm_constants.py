@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from paretoik.robot.arm_constants import arm_constants, joint_cosines_and_sines
 from paretoik.robot.arms import tringali_3r
+from paretoik.robot.kinematics import arm_constants, joint_cosines_and_sines
 
 
 def test_links_of_a_planar_arm_keep_two_moments_each():

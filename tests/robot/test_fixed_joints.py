@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from paretoik.robot import dynamics, kinematics
+from paretoik.robot.arm import joint_motion
 from paretoik.robot.arms import tringali_3r
-from paretoik.robot.fixed_joints import joint_motion
 from tests.robot.laws import same, seeds, state_of
 from tests.robot.oracles import potential_energy
 

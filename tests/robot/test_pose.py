@@ -22,7 +22,7 @@ from paretoik.robot.pose import (
     vector_to_quaternion,
 )
 from paretoik.task.obstacles import Box
-from paretoik.task.path_shapes import circle, line, waypoints
+from paretoik.task.path import circle, line, waypoints
 
 coordinates = st.floats(-10, 10)
 points = st.tuples(coordinates, coordinates, coordinates)

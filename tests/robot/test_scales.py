@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.robot.scales import characteristic_length, joint_scales
+from paretoik.robot.kinematics import characteristic_length, joint_scales
 
 
 def gantry(limits):

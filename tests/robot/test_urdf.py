@@ -16,7 +16,7 @@ from paretoik.robot.arm import Arm
 from paretoik.robot.kinematics import forward_kinematics, link_frames
 from paretoik.robot.pose import Pose
 from paretoik.robot.urdf import check_robot
-from paretoik.task.path_shapes import line
+from paretoik.task.path import line
 from paretoik.task.task import Task
 from studies.benchmarks.urdf import Tally, Tree, compare_chain, compare_file, random_chains
 from tests.robot.conftest import JACO, PANDA

@@ -13,9 +13,9 @@ from paretoik.robot.body import inertia_fault, nearest_inertia
 from paretoik.robot.dynamics import gravity_torques, inverse_dynamics
 from paretoik.robot.kinematics import forward_kinematics
 from paretoik.robot.urdf import RobotReport, check_robot, report_text
-from paretoik.robot.urdf_faults import group_messages
+from paretoik.robot.urdf_description import group_messages
 from paretoik.task.limits import Limits
-from paretoik.task.motion_task_validation import lacks_masses
+from paretoik.task.validation import lacks_masses
 from tests.robot.conftest import PANDA
 from tests.robot.urdf_text import BODY, LIMIT, chain_of_three, joint, link
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from paretoik.errors import InvalidInput
-from paretoik.search.constraints import violations
+from paretoik.search.objectives import violations
 
 F = np.zeros((4, 2))
 

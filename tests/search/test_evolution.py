@@ -11,8 +11,7 @@ import pytest
 from paretoik.errors import EvaluationFailed, InvalidInput
 from paretoik.search.ask_tell import Search
 from paretoik.search.endings import Evaluations, Generations, Stagnation
-from paretoik.search.evaluation import evaluate_rows
-from paretoik.search.evolution import evolve
+from paretoik.search.evolution import evaluate_rows, evolve
 from tests.search.problems import Parabolas
 
 

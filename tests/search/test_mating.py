@@ -11,8 +11,7 @@ from pymoo.operators.mutation.pm import PM
 
 from paretoik.errors import InvalidInput
 from paretoik.search.ask_tell import Search
-from paretoik.search.mating import BranchwiseMating, Parents
-from paretoik.search.nsga2 import MaxiMinNSGA2
+from paretoik.search.nsga2 import BranchwiseMating, MaxiMinNSGA2, Parents
 from tests.search.problems import Branches, Constant
 
 

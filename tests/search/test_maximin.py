@@ -13,15 +13,16 @@ from pymoo.optimize import minimize
 from pymoo.problems import get_problem
 
 from paretoik.errors import InvalidInput
-from paretoik.search.insertion import (
+from paretoik.search.maximin import (
     InsertionOptions,
+    MaxiMin,
     front_order,
     greedy_order,
     nearest_squared,
     scaled,
     starting_points,
+    survivors,
 )
-from paretoik.search.maximin import MaxiMin, survivors
 from tests.search.problems import Parabolas
 
 
@@ -105,7 +106,7 @@ def test_fast_and_greedy_selection_agree_on_large_fronts_and_geometric_tails(cou
 def test_distances_without_the_matrix_are_the_same(monkeypatch):
     Z = np.random.default_rng(0).random((40, 3))
     with_matrix = greedy_order(Z, 40, np.full(40, np.inf))
-    monkeypatch.setattr("paretoik.search.insertion.OPTIONS", InsertionOptions(matrix_limit=10))
+    monkeypatch.setattr("paretoik.search.maximin.OPTIONS", InsertionOptions(matrix_limit=10))
     without = greedy_order(Z, 40, np.full(40, np.inf))
     assert np.array_equal(with_matrix[0], without[0])
     assert np.array_equal(with_matrix[1], without[1])

@@ -4,7 +4,7 @@ from pymoo.core.individual import Individual
 from pymoo.core.population import Population
 from pymoo.core.problem import Problem
 
-from paretoik.search.row_operators import BinaryTournament, OneElite, RankWeighting, ReplaceOne, RowCrossover, Seeded
+from paretoik.search.operators import BinaryTournament, OneElite, RankWeighting, ReplaceOne, RowCrossover, Seeded
 
 
 class Box(Problem):

@@ -9,8 +9,8 @@ from pymoo.core.problem import Problem
 from paretoik.errors import InvalidInput
 from paretoik.inputs import check_size
 from paretoik.search.ask_tell import Search
+from paretoik.search.genes import seeded_population
 from paretoik.search.nsga2 import MaxiMinNSGA2
-from paretoik.search.seeding import seeded_population
 
 
 class Structured(Problem):

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymoo.core.problem import Problem
 
-from paretoik.search.smooth_operators import Differential, SmoothMutation
+from paretoik.search.operators import Differential, SmoothMutation
 
 ROW = 6
 

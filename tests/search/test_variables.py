@@ -15,8 +15,8 @@ from pymoo.optimize import minimize
 from pymoo.problems import get_problem
 
 from paretoik.errors import InvalidInput
+from paretoik.search.genes import widths_of, within_reach
 from paretoik.search.nsga2 import MaxiMinNSGA2
-from paretoik.search.variables import widths_of, within_reach
 from tests.search.problems import Parabolas
 
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from paretoik import Arm, Motion, Pose
 from paretoik.robot.arms import marcos_nr, tringali_3r
-from paretoik.self_motion.branches import bend_signs, branch_labels
+from paretoik.task.self_motion import bend_signs, branch_labels
 from tests.formulations.problems import panda, random_arm
 
 ARMS = {"3R": tringali_3r(), "4R": marcos_nr(4), "random": random_arm(3, 6)}

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from paretoik.self_motion.curves import (
+from paretoik.task.retraction import task_errors
+from paretoik.task.self_motion import (
     postures_along_path,
     resample_curve,
     self_motion_frames,
@@ -15,8 +16,7 @@ from paretoik.self_motion.curves import (
     unwrap_nodes,
     unwrapped_ranges,
 )
-from paretoik.self_motion.start_postures import wrap_difference
-from paretoik.task.retraction import task_errors
+from paretoik.task.starts import wrap_difference
 from tests.task.tasks import ARM, task
 
 TASK = task()

@@ -10,16 +10,10 @@ import pytest
 from paretoik import Arm, Limits, Pose, Task, circle, joint_travel, line, poses
 from paretoik.errors import Infeasible, OutOfReach
 from paretoik.robot.arms import marcos_nr, tringali_3r
-from paretoik.self_motion.charts import build_charts
-from paretoik.self_motion.motion_starts import (
-    OPTIONS,
-    perturbed_starts,
-    recombined_starts,
-    rollout_starts,
-    travelling_starts,
-)
-from paretoik.self_motion.start_postures import sample_postures
 from paretoik.task.retraction import task_errors
+from paretoik.task.self_motion import build_charts
+from paretoik.task.starts import MOTION_OPTIONS as OPTIONS
+from paretoik.task.starts import perturbed_starts, recombined_starts, rollout_starts, sample_postures, travelling_starts
 from tests.formulations.problems import panda, random_arm, within_reach
 from tests.task.tasks import task
 

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from paretoik import Limits, arms, circle
-from paretoik.self_motion.start_postures import order_by_neighbour, posture_distance, sample_postures, wrap_difference
 from paretoik.task.retraction import task_errors
+from paretoik.task.starts import order_by_neighbour, posture_distance, sample_postures, wrap_difference
 from tests.task.tasks import task
 
 ARM = arms.tringali_3r()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from paretoik.execution.worker import compute
+from paretoik.runs.worker import compute
 from studies import processes
 
 

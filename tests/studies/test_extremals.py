@@ -12,10 +12,10 @@ from paretoik import Arm, Pose, Task, Tracking, circle, kinetic_energy, line, pl
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.robot import dynamics
 from paretoik.robot.arms import marcos_nr, tringali_3r
-from paretoik.self_motion.charts import build_charts
-from paretoik.self_motion.start_postures import sample_postures
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import retract_nearest, task_errors
+from paretoik.task.self_motion import build_charts
+from paretoik.task.starts import sample_postures
 from studies.tringali_2020.extremals import integrate_extremal
 from studies.tringali_2020.shooting import shoot_extremals
 from tests.formulations.problems import panda

@@ -11,7 +11,7 @@ import pytest
 import paretoik as pk
 from paretoik.capability.directional import unit_directions
 from paretoik.capability.geodesic import path_time
-from paretoik.capability.planner import fastest_plan
+from paretoik.capability.time_optimal import fastest_plan
 from paretoik.robot.kinematics import forward_kinematics
 from studies.kim_2021 import __main__ as study
 from studies.kim_2021.continuous import continuous, resolved

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from paretoik.formulations.closed_loop_result import mean_position_error
+from paretoik.formulations.closed_loop import mean_position_error
 from paretoik.task.objectives import joint_drift
 from studies.marcos_2012 import __main__ as study
 from studies.marcos_2012 import loops, starts

@@ -9,7 +9,7 @@ from functools import partial
 
 import pytest
 
-from paretoik.execution.worker_processes import WorkerOptions, WorkerProcesses
+from paretoik.runs.processes import WorkerOptions, WorkerProcesses
 from studies import processes
 from studies.benchmarks.scaling.local_cluster import local_cluster
 

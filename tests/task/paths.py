@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from paretoik.robot.pose import Pose
-from paretoik.task.path_shapes import circle, line, poses, waypoints
+from paretoik.task.path import circle, line, poses, waypoints
 
 CORNERS = np.array([[0.0, 0.0, 0.0], [0.4, 0.1, 0.0], [0.5, 0.5, 0.2], [0.1, 0.6, 0.3]])
 TURNED = [Pose.from_rpy(position, [0.3 * i, -0.2 * i, 0.9 * i]) for i, position in enumerate(CORNERS)]

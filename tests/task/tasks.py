@@ -8,7 +8,7 @@ import paretoik as pk
 from paretoik import kinetic_energy, line
 from paretoik.robot.arms import tringali_3r
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.motion_task_validation import motion_task
+from paretoik.task.validation import motion_task
 
 ARM = tringali_3r()
 LINE = line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=21)

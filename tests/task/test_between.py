@@ -7,7 +7,7 @@ import pytest
 
 import paretoik as pk
 from paretoik.robot.dynamics import inverse_dynamics
-from paretoik.task.between import divide, largest_between
+from paretoik.task.motion_task import divide, largest_between
 from paretoik.trajectory.plan_starts import sample_starts
 from problems import panda
 

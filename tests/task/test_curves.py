@@ -9,8 +9,7 @@ import pytest
 
 from paretoik.errors import InvalidInput
 from paretoik.robot.pose import Pose, quaternion_to_matrix
-from paretoik.task.curves import Circle, Line, TimedCurve, interpolate
-from paretoik.task.time_laws import TIME_LAWS, progress
+from paretoik.task.curves import TIME_LAWS, Circle, Line, TimedCurve, interpolate, progress
 from tests.task.paths import EVERY_KIND
 
 FIRST = np.array([-1.0, 9.0, -45.0, 0.0, 45.0, -9.0, 1.0]) / 60  # differences of sixth order

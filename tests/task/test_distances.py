@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 from paretoik.errors import InvalidInput
 from paretoik.robot.pose import Pose
-from paretoik.task.distances import clearance, signed_distance
-from paretoik.task.obstacles import Box, Capsule, Circle, Sphere
+from paretoik.task.obstacles import Box, Capsule, Circle, Sphere, clearance, signed_distance
 
 TILT = Pose.from_rpy([0.2, -0.3, 0.1], [0.5, -0.4, 1.2])
 OBSTACLES = {

@@ -5,8 +5,8 @@ import pytest
 
 import paretoik as pk
 from paretoik.errors import EvaluationFailed
-from paretoik.self_motion.motion_starts import rollout_starts
-from paretoik.task.evaluation import evaluate_motions, examine_functions, require_values
+from paretoik.task.motion_task import evaluate_motions, examine_functions, require_values
+from paretoik.task.starts import rollout_starts
 from tests.task.tasks import task
 
 CHANCE = np.random.default_rng(0)

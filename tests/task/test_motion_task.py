@@ -7,8 +7,8 @@ import numpy as np
 import paretoik as pk
 from paretoik import Limits, Pose, circle, line
 from paretoik.robot.arms import marcos_nr
-from paretoik.self_motion.motion_starts import rollout_starts
 from paretoik.task.obstacles import Circle
+from paretoik.task.starts import rollout_starts
 from tests.task.tasks import task
 
 

@@ -10,8 +10,8 @@ from paretoik import Limits, Pose, Task, circle, joint_travel, kinetic_energy, l
 from paretoik.errors import InvalidInput
 from paretoik.robot.arms import marcos_nr
 from paretoik.robot.pose import quaternion_to_matrix
-from paretoik.task.motion_task_validation import motion_task
 from paretoik.task.retraction import retract_nearest
+from paretoik.task.validation import motion_task
 from problems import panda
 from tests.task.tasks import LINE, POSTURE, from_posture, task
 

@@ -11,7 +11,7 @@ import pytest
 
 import paretoik as pk
 from paretoik.robot.kinematics import link_nodes
-from paretoik.task.distances import clearance
+from paretoik.task.obstacles import clearance
 from tests.api.problems import PATH
 
 ARM = pk.arms.tringali_3r()

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from paretoik.errors import InvalidInput
 from paretoik.robot.pose import Pose
-from paretoik.task.path_shapes import line
+from paretoik.task.path import line
 from tests.task.paths import EVERY_KIND
 
 coordinates = st.floats(-3, 3)

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from scipy.interpolate import BSpline
 
 import paretoik as pk
-from paretoik.task.between import finer_motion
-from paretoik.task.spline import fit_spline
+from paretoik.task.motion_task import finer_motion
+from paretoik.task.sampling import fit_spline
 from tests.task.tasks import task
 
 ENDS = {"free": (False, False), "at rest": (False, True), "cyclic": (True, False)}

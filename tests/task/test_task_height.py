@@ -7,7 +7,7 @@ import pytest
 
 from paretoik import Arm, Pose, Task, line
 from paretoik.errors import InvalidInput
-from paretoik.robot.scales import characteristic_length
+from paretoik.robot.kinematics import characteristic_length
 from paretoik.task.retraction import retract_nearest
 from tests.robot.urdf_text import joint, link
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from paretoik.errors import InvalidInput
-from paretoik.task.time_laws import TIME_LAWS, progress, progress_rates
+from paretoik.task.curves import TIME_LAWS, progress, progress_rates
 
 laws = st.sampled_from(TIME_LAWS)
 durations = st.floats(0.01, 100.0)

@@ -6,8 +6,8 @@ import numpy as np
 
 import paretoik as pk
 from paretoik.nlp.minimise import minimise
-from paretoik.self_motion.motion_starts import recombined_starts
-from paretoik.trajectory import basin_hopping
+from paretoik.task.starts import recombined_starts
+from paretoik.trajectory import restarts as basin_hopping
 from paretoik.trajectory.levels import OPTIONS as LEVELS
 from paretoik.trajectory.levels import coarsest_level, objective_scales
 from paretoik.trajectory.plan_starts import sample_starts
@@ -26,7 +26,7 @@ def test_recombined_optima_are_near_none_that_there_is():
     mixed = basin_hopping._recombine(problem.task, q, np.random.default_rng(1))
     assert len(mixed) > 4
     for one in mixed:
-        assert joint_distance(problem.task, one, q).min() > basin_hopping.OPTIONS.distance
+        assert joint_distance(problem.task, one, q).min() > basin_hopping.HOPPING_OPTIONS.distance
     any_pairs = recombined_starts(problem.task, q, np.roll(q, 1, axis=0), np.random.default_rng(2))
     usual, chosen = (float(np.median(pk.torque_norm(problem.task.motion(x)))) for x in (any_pairs, mixed))
     assert chosen < usual

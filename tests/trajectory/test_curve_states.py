@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.minimise import minimise
+from paretoik.nlp.program import InteriorPointOptions
 from paretoik.task.retraction import retract_nearest
 from paretoik.trajectory.plan_starts import sample_starts
 from paretoik.trajectory.tightening import hold_between, violation_between

@@ -12,11 +12,10 @@ import paretoik as pk
 from paretoik import Limits, Pose, circle, joint_travel, kinetic_energy, line, torque_norm
 from paretoik.errors import Infeasible, InvalidInput, OutOfReach
 from paretoik.robot.arms import marcos_nr, tringali_3r
-from paretoik.self_motion.motion_starts import rollout_starts
-from paretoik.self_motion.start_postures import sample_postures
 from paretoik.task.obstacles import Circle
+from paretoik.task.starts import rollout_starts, sample_postures
 from paretoik.trajectory import grid_oracle as module
-from paretoik.trajectory import grid_terms
+from paretoik.trajectory import posture_grid as grid_terms
 from paretoik.trajectory.grid_oracle import grid_oracle
 from tests.formulations.problems import panda
 from tests.task.tasks import task

@@ -13,8 +13,8 @@ import paretoik as pk
 from paretoik.errors import SolverFailed
 from paretoik.robot.dynamics import gravity_torques
 from paretoik.robot.kinematics import link_nodes
-from paretoik.self_motion.start_postures import sample_postures
-from paretoik.task.distances import clearance
+from paretoik.task.obstacles import clearance
+from paretoik.task.starts import sample_postures
 from paretoik.trajectory.infeasibility import _speed_violation, no_posture_keeps_limits
 from paretoik.trajectory.levels import coarsest_level, first_levels
 from problems import panda, tringali_2020

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from paretoik.trajectory.layered_graph import LayeredGraph, shortest_path
+from paretoik.trajectory.shortest_paths import LayeredGraph, shortest_path
 
 
 @pytest.mark.parametrize("cyclic", [False, True])

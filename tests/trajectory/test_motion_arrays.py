@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.minimise import minimise
+from paretoik.nlp.program import InteriorPointOptions
 from paretoik.pareto.certificates import criticality_at
 from paretoik.trajectory.levels import objective_scales
 from paretoik.trajectory.motion_arrays import motion_kernel

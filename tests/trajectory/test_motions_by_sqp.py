@@ -6,14 +6,12 @@ import numpy as np
 import pytest
 
 import paretoik as pk
+from paretoik.nlp import convex_subproblem as subproblem
 from paretoik.nlp import minimise as batches
-from paretoik.nlp import subproblem
-from paretoik.nlp.conic import Structure
-from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.minimise import check_solver, minimise_violation
-from paretoik.nlp.program import Goal
+from paretoik.nlp.program import Goal, InteriorPointOptions, Structure
 from paretoik.nlp.sqp import SqpOptions, minimise
-from paretoik.trajectory.linearisation import linearise
+from paretoik.trajectory.derivatives import linearise
 from paretoik.trajectory.plan import find_optima
 from paretoik.trajectory.plan_starts import initial_motions, sample_starts
 from paretoik.trajectory.transcription import motion_program

@@ -4,8 +4,8 @@ import pytest
 
 import paretoik as pk
 from paretoik.errors import EvaluationFailed, Infeasible, InvalidInput
-from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.minimise import minimise
+from paretoik.nlp.program import InteriorPointOptions
 from paretoik.trajectory.grid_oracle import grid_oracle
 from paretoik.trajectory.levels import objective_scales
 from paretoik.trajectory.plan_starts import sample_starts

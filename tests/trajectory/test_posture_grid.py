@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import paretoik as pk
-from paretoik.self_motion.start_postures import wrap_difference
+from paretoik.task.starts import wrap_difference
 from paretoik.trajectory.posture_grid import PostureGrid, step_windows
 from tests.task.tasks import task
 

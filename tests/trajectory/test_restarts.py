@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.nlp.solutions import CONVERGED, VIOLATED, Solutions
-from paretoik.self_motion.branches import branch_labels
-from paretoik.self_motion.motion_starts import perturbed_starts
-from paretoik.trajectory import basin_hopping, restarts
+from paretoik.nlp.program import CONVERGED, VIOLATED, Solutions
+from paretoik.task.self_motion import branch_labels
+from paretoik.task.starts import perturbed_starts
+from paretoik.trajectory import restarts
+from paretoik.trajectory import restarts as basin_hopping
 from paretoik.trajectory.levels import OPTIONS as LEVELS
 from paretoik.trajectory.levels import coarsest_level
 from paretoik.trajectory.plan import find_optima
@@ -51,7 +52,7 @@ def test_restarts_find_better_valleys_where_redundancy_is_more_than_one(monkeypa
     problem = pk.Tracking(arm, path, objectives=[pk.torque_norm])
     with_restarts = [pk.plan(problem, seed=seed, starts=2).best.objective for seed in range(4)]
     monkeypatch.setattr(restarts, "OPTIONS", replace(restarts.OPTIONS, rounds=0))
-    monkeypatch.setattr(basin_hopping, "OPTIONS", replace(basin_hopping.OPTIONS, final_rounds=0))
+    monkeypatch.setattr(basin_hopping, "HOPPING_OPTIONS", replace(basin_hopping.HOPPING_OPTIONS, final_rounds=0))
     without = [pk.plan(problem, seed=seed, starts=2).best.objective for seed in range(4)]
     assert all(one <= other * (1 + 1e-6) for one, other in zip(with_restarts, without, strict=True))
     assert any(one < 0.99 * other for one, other in zip(with_restarts, without, strict=True))

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.task.differences import first_derivative, second_derivative
-from paretoik.trajectory.stencil import stencil
+from paretoik.task.sampling import first_derivative, second_derivative
+from paretoik.trajectory.discretisation import stencil
 from tests.task.tasks import POSTURE, from_posture, task
 
 ROUND = pk.circle([0.4178, 0.0], 0.05, duration=1.0, samples=31)

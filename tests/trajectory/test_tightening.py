@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.task.between import finer_motion
+from paretoik.task.motion_task import finer_motion
 from paretoik.trajectory.tightening import hold_between
 from paretoik.trajectory.transcription import motion_program
 from problems import tringali_2020

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.verification.arm_model import build_model
-from paretoik.verification.between_checks import finer_motion, project_curve
-from paretoik.verification.options import OPTIONS
+from paretoik.verification.arm_model import OPTIONS, build_model
+from paretoik.verification.motion_checks import finer_motion, project_curve
 
 ARM = pk.arms.tringali_3r()
 PATHS = {

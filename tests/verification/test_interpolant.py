@@ -5,7 +5,7 @@ import pytest
 
 import paretoik as pk
 from paretoik.task.motion import Motion
-from paretoik.verification.interpolant import quadrature, rates, rebuild
+from paretoik.verification.measured_motion import quadrature, rates, rebuild
 
 OPEN = [(samples, False, rest) for samples in (3, 4, 5, 6, 7, 12) for rest in (False, True)]
 CYCLIC = [(samples, True, False) for samples in (5, 6, 7, 12)]

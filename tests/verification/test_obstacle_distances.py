@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.task.distances import signed_distance
-from paretoik.verification.obstacle_distances import segment_distances
+from paretoik.task.obstacles import signed_distance
+from paretoik.verification.measured_motion import segment_distances
 
 TURNED = pk.Pose.from_rpy([0.1, -0.2, 0.3], [0.4, 0.5, 0.6])
 OBSTACLES = {

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from paretoik.verification.report import Verification, Worst, demand, judge, leave_out, note
+from paretoik.verification.run_contents import Verification, Worst, demand, judge, leave_out, note
 
 PLACE = Worst(what="velocity", joint="joint2", time=0.45, value=3.81, limit=3.8, unit="rad/s")
 

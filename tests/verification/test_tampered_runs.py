@@ -12,7 +12,7 @@ import pytest
 import paretoik as pk
 from paretoik.cli import main
 from paretoik.errors import InvalidRun
-from paretoik.run_files import RUN, run_bytes
+from paretoik.runs.files import RUN, run_bytes
 from studies.benchmarks.reliability.verifier.editing import edit
 from studies.benchmarks.reliability.verifier.faults import FAULTS
 

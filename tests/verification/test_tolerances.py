@@ -15,7 +15,7 @@ import pytest
 import paretoik as pk
 from paretoik.formulations.protocol import at_samples_of
 from paretoik.robot.kinematics import jacobian
-from paretoik.verification.options import VerificationTolerances
+from paretoik.verification.arm_model import VerificationTolerances
 from paretoik.verification.run_contents import RunContents, read_contents
 from paretoik.verification.verify_run import verify_run
 from studies.benchmarks.reliability.verifier.good_runs import ARM, BOTH

@@ -4,12 +4,9 @@ All measure on the stored ranges of the front, Z = (f − ideal)/(nadir − idea
 do not move a choice; ties are broken by ``front.ties``.
 """
 
-from paretoik.front.preferences.aspiration import Aspiration
-from paretoik.front.preferences.bounds import Bounds
-from paretoik.front.preferences.classify import Classify
-from paretoik.front.preferences.knee import Knee
-from paretoik.front.preferences.lexicographic import Lexicographic
-from paretoik.front.preferences.robust import Robust
-from paretoik.front.preferences.weights import Weights
+from paretoik.front.preferences.aspiration import Aspiration, Classify
+from paretoik.front.preferences.compromise import Knee
+from paretoik.front.preferences.requests import Bounds
+from paretoik.front.preferences.weights import Lexicographic, Robust, Weights
 
 __all__ = ["Aspiration", "Bounds", "Classify", "Knee", "Lexicographic", "Robust", "Weights"]

@@ -2,22 +2,182 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 from jaxtyping import Bool
 
-from paretoik.arrays import Values
-from paretoik.call_arguments import check_call
+from paretoik.arrays import Mask, Values
 from paretoik.errors import InvalidInput
-from paretoik.front.front import Choice, Front
-from paretoik.front.preference_options import OPTIONS
-from paretoik.front.preferences.named_numbers import named_numbers, named_text
-from paretoik.front.reason import list_words, percent, quantity
-from paretoik.front.subset import check_front, check_known
-from paretoik.front.ties import first_row
+from paretoik.front.choice import (
+    Choice,
+    amounts_in_words,
+    compare,
+    first_row,
+    list_words,
+    named_numbers,
+    named_text,
+    percent,
+    quantity,
+)
+from paretoik.front.front import Front
+from paretoik.front.geometry import PREFERENCE_OPTIONS as OPTIONS
+from paretoik.front.points import check_front, check_known, row_of
+from paretoik.inputs import check_call, is_integer, read_list, shown
 from paretoik.tables import html_representation
+
+# A preference by classification: from a point, what is to get better and what may get worse (NIMBUS).
+
+
+@check_call
+@dataclass(frozen=True, init=False, eq=False)
+class Classify:
+    """Every objective in one class, seen from a ``current`` point (an id or a Choice): the classes of NIMBUS.
+
+    ``improve`` as far as possible; ``improve_to`` a value; ``keep`` no worse than it is; ``relax_to`` a value and no
+    worse; ``free`` to change. Of the points that keep to that the one is chosen with the least of
+
+        max (Z_i, i to improve; Z_j − a_j, j to improve to a value) + 1e-4 ΣZ,
+
+    Z in shares of the stored ranges (Miettinen and Mäkelä 2006, European J. of Operational Research 170; 1999, NIMBUS;
+    they divide by nadir − utopian, a little more than the ranges nadir − ideal). The current point keeps to it too:
+    where it is chosen again, no other does better.
+
+    ``Classify(choice, improve=["kinetic_energy"], relax_to={"torque_norm": 0.2})``. Raises InvalidInput where an
+    objective is in two classes, or none is to improve, or none may get worse; ``choose`` where one is in no class, or a
+    value is on the wrong side of the current one.
+    """
+
+    current: int
+    improve: tuple[str, ...]
+    improve_to: Mapping[str, float]
+    keep: tuple[str, ...]
+    relax_to: Mapping[str, float]
+    free: tuple[str, ...]
+
+    def __init__(
+        self,
+        current: int | Choice,
+        /,
+        *,
+        improve: Sequence[str] = (),
+        improve_to: Mapping[str, float] | None = None,
+        keep: Sequence[str] = (),
+        relax_to: Mapping[str, float] | None = None,
+        free: Sequence[str] = (),
+    ) -> None:
+        assign = object.__setattr__
+        if not isinstance(current, Choice) and not is_integer(current):
+            raise InvalidInput(f"current: a choice or an id wanted, got {shown(current)}")
+        assign(self, "current", current.id if isinstance(current, Choice) else int(current))
+        for field, names in (("improve", improve), ("keep", keep), ("free", free)):
+            assign(self, field, read_list(f"classify {field}", names, str, "a list of names"))
+        for field, values in (("improve_to", improve_to), ("relax_to", relax_to)):
+            assign(self, field, MappingProxyType(dict(named_numbers(f"classify {field}", values, {}))))
+        names = [name for _, name in self._classes()]
+        twice = [name for name in names if names.count(name) > 1]
+        if twice:
+            raise InvalidInput(f"classify: wanted each objective in one class, got {twice[0]} in several")
+        if not self.improve and not self.improve_to:
+            raise InvalidInput("classify: wanted an objective to improve, or to improve_to a value, got none")
+        if not self.relax_to and not self.free:
+            raise InvalidInput("classify: wanted an objective that may get worse (relax_to or free), got none")
+
+    def __repr__(self) -> str:
+        fields = ("improve", "improve_to", "keep", "relax_to", "free")
+        classes = {field: getattr(self, field) for field in fields if getattr(self, field)}
+        plain = {field: dict(value) if isinstance(value, Mapping) else list(value) for field, value in classes.items()}
+        return f"Classify({self.current}, {', '.join(f'{field}={value!r}' for field, value in plain.items())})"
+
+    _repr_html_ = html_representation
+
+    def choose(self, front: Front) -> Choice:
+        """Return the best point that keeps to the classes; raises InvalidInput where these do not suit the front."""
+        check_front(front)
+        start = row_of(front, self.current, name="classify")
+        check_known(front, "classify", [name for _, name in self._classes()])
+        missing = set(front.names) - {name for _, name in self._classes()}
+        if missing:
+            raise InvalidInput(f"classify: wanted every objective in a class, got {sorted(missing)[0]} in none")
+        self._check_values(front, start)
+        within = self._within(front, start)
+        scores = self._scores(front)
+        row = first_row(front, scores, within)
+        others = int(within.sum()) - 1
+        return front.choice(
+            row,
+            f"From point {self.current}, {self._in_words(front)}: {_outcome(front, start, row, others)}.",
+            preference=self,
+            score=float(scores[row]),
+            details={"current": int(self.current), "within": tuple(front.ids[within].tolist())},
+        )
+
+    def _classes(self) -> Iterator[tuple[str, str]]:
+        for field in ("improve", "improve_to", "keep", "relax_to", "free"):
+            for name in getattr(self, field):
+                yield field, name
+
+    def _check_values(self, front: Front, start: int) -> None:
+        """Raise InvalidInput where a value to improve or relax to is not on its side of the current one."""
+        for field, values, side in (("improve_to", self.improve_to, -1.0), ("relax_to", self.relax_to, 1.0)):
+            for name, value in values.items():
+                axis = front.names.index(name)
+                worse = side * (_minimised(front, axis, value) - front.minimised[start, axis])
+                if worse < 0 or (worse == 0 and field == "improve_to"):
+                    wish = "better than" if field == "improve_to" else "no better than"
+                    now = f"{front.objectives[start, axis]:.6g}"
+                    raise InvalidInput(f"classify {field}: wanted {name} {wish} the current {now}, got {value:g}")
+
+    def _within(self, front: Front, start: int) -> Mask:
+        """Mark the points that make nothing worse than its class allows."""
+        limits = front.minimised[start].copy()
+        for axis, name in enumerate(front.names):
+            if name in self.free:
+                limits[axis] = np.inf
+            elif name in self.relax_to:
+                limits[axis] = _minimised(front, axis, self.relax_to[name])
+        within: Mask = (front.minimised <= limits + OPTIONS.rounding * np.ptp(front.ranges, axis=1)).all(axis=1)
+        return within
+
+    def _scores(self, front: Front) -> Values:
+        width = np.ptp(front.ranges, axis=1)
+        shares_lost = []
+        for name in (*self.improve, *self.improve_to):
+            axis = front.names.index(name)
+            share = front.shares[:, axis]
+            if name in self.improve_to and width[axis] > 0:
+                share = (front.minimised[:, axis] - _minimised(front, axis, self.improve_to[name])) / width[axis]
+            shares_lost.append(share)
+        scores: Values = np.max(shares_lost, axis=0) + OPTIONS.augmentation * front.shares.sum(axis=1)
+        return scores
+
+    def _in_words(self, front: Front) -> str:
+        words = [f"improve {list_words(self.improve)}"] if self.improve else []
+        words += [f"improve {self._to(front, name, value)}" for name, value in self.improve_to.items()]
+        words += [f"keep {list_words(self.keep)}"] if self.keep else []
+        words += [f"relax {self._to(front, name, value)}" for name, value in self.relax_to.items()]
+        words += [f"leave {list_words(self.free)} free"] if self.free else []
+        return list_words(words)
+
+    def _to(self, front: Front, name: str, value: float) -> str:
+        return f"{name} to {value:.4g} {front.units[front.names.index(name)]}".rstrip()
+
+
+def _minimised(front: Front, axis: int, value: float) -> float:
+    return -value if front.maximised[axis] else value
+
+
+def _outcome(front: Front, start: int, row: int, others: int) -> str:
+    """Return what came of it in words; ``others`` is the number of points beside the current one that keep to it."""
+    if row == start:
+        points = f"of the {others} others that keep to that none does better" if others else "no other keeps to that"
+        return f"{points}, so that it stays"
+    change = compare(front, start, row)
+    gains = amounts_in_words(front, change.gains, better=True)
+    costs = amounts_in_words(front, change.costs, better=False)
+    return f"of {others} others that keep to that point {front.ids[row]} does best, with {gains} for {costs}"
 
 
 @check_call

@@ -3,20 +3,115 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
-from paretoik.errors import InvalidInput
-from paretoik.front.choice import Choice, Preference, is_preference
-from paretoik.front.compromise import Compromise
+from paretoik.errors import Infeasible, InvalidInput
+from paretoik.front.choice import Choice, Preference, first_row, is_preference, list_words, percent
 from paretoik.front.front import Front
-from paretoik.front.preferences.knee import Knee
-from paretoik.front.preferences.point import Point
+from paretoik.front.points import Bound, bounds_by_axis, check_front, inside, merge_bounds, row_of, take
+from paretoik.front.preferences.compromise import Compromise, Knee, Point
 from paretoik.front.preferences.weights import Weights
-from paretoik.inputs import is_integer, likely_spelling, shown
-from paretoik.user_functions import user_function
+from paretoik.inputs import check_call, is_integer, likely_spelling, shown, user_function
+from paretoik.tables import html_representation
+
+# A preference by bounds: what must be kept, and which preference decides among the rest.
+
+
+@check_call
+@dataclass(frozen=True, init=False, eq=False)
+class Bounds:
+    """Bounds (lower, upper) of objectives by name, in their own units and sign, None where open, and what then decides.
+
+    ``Bounds(kinetic_energy=(None, 0.05), then=Weights(torque_norm=1))``; without ``then`` the compromise among the
+    points within bounds is chosen (``Compromise``). Ranges stay those of the whole front. A mapping serves where a name
+    is no identifier.
+
+    Raises InvalidInput for what is no pair of bounds; ``choose`` raises Infeasible where no point keeps them, which
+    says what point is nearest and by how much it misses what.
+    """
+
+    bounds: Mapping[str, Bound]
+    then: Preference
+
+    def __init__(
+        self,
+        mapping: Mapping[str, Bound] | None = None,
+        /,
+        *,
+        then: Preference | str | Mapping[str, float] = "compromise",
+        **bounds: Bound,
+    ) -> None:
+
+        object.__setattr__(self, "bounds", MappingProxyType(merge_bounds("bounds", mapping, bounds)))
+        object.__setattr__(self, "then", as_preference(then, name="then"))
+
+    def __repr__(self) -> str:
+        return f"Bounds({dict(self.bounds)}, then={self.then!r})"
+
+    _repr_html_ = html_representation
+
+    def choose(self, front: Front) -> Choice:
+        """Return what the named preference chooses within bounds.
+
+        Raises InvalidInput where a name is no objective, and Infeasible where no point keeps the bounds.
+        """
+        check_front(front)
+
+        limits = bounds_by_axis(front, self.bounds)
+        within = inside(front, limits)
+        if not within.any():
+            raise _out_of_bounds(front, limits)
+        part = take(front, np.flatnonzero(within))
+        choice = ask(self.then, part)
+        count = f"all {len(front)}" if len(part) == len(front) else f"{len(part)} of {len(front)}"
+        verb = "keeps" if len(part) == 1 < len(front) else "keep"
+        return front.choice(
+            row_of(front, choice.id),
+            f"{count.capitalize()} points {verb} {_in_words(front, limits)}. {choice.verdict}",
+            preference=self,
+            score=choice.score,
+            details={**choice.details, "within": tuple(part.ids.tolist())},
+        )
+
+
+def _out_of_bounds(front: Front, limits: Float[np.ndarray, "n_obj 2"]) -> Infeasible:
+    """Return the error that names the point nearest to the bounds, by the share of the range that it misses most."""
+    low, high = limits.T
+    missed = np.maximum(np.maximum(low - front.objectives, front.objectives - high), 0.0)
+    width = np.ptp(front.ranges, axis=1)
+    shares = missed / np.where(width > 0, width, np.maximum(np.abs(front.ranges).max(axis=1), 1e-300))
+    row = first_row(front, shares.max(axis=1))
+    worst = int(shares[row].argmax())
+    parts = [
+        f"{front.names[axis]} {front.objectives[row, axis]:.4g} misses it by "
+        f"{missed[row, axis]:.3g} {front.units[axis]}".rstrip()
+        + f" ({percent(shares[row, axis])} of {'the range' if width[axis] > 0 else 'the value that all have'})"
+        for axis in np.flatnonzero(missed[row]).tolist()
+    ]
+    motion: Any = None if front.motions is None else front.motions[row]
+    return Infeasible(
+        f"bounds: wanted {_in_words(front, limits)}, got none of {len(front)} points with it; nearest is point "
+        f"{front.ids[row]}: {list_words(parts)}",
+        motion=motion,
+        limit=front.names[worst],
+        violation=float(shares[row, worst]),
+    )
+
+
+def _in_words(front: Front, limits: Float[np.ndarray, "n_obj 2"]) -> str:
+    words = []
+    for axis, name in enumerate(front.names):
+        sides = zip(("at least", "at most"), limits[axis].tolist(), strict=True)
+        parts = [f"{side} {value:.4g}" for side, value in sides if np.isfinite(value)]
+        if parts:
+            words.append(f"{name} {list_words(parts)} {front.units[axis]}".rstrip())
+    return list_words(words) or "no bound"
+
 
 BY_NAME: dict[str, Callable[[], Preference]] = {"knee": Knee, "compromise": Compromise}  # those that need no numbers
 

@@ -4,20 +4,122 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
+from jaxtyping import Float
 
-from paretoik.arrays import Values
-from paretoik.call_arguments import check_call
+from paretoik.arrays import Objectives, Values
 from paretoik.errors import InvalidInput
-from paretoik.front.explanation import compare_neighbours
-from paretoik.front.front import Choice, Front
-from paretoik.front.preferences.named_numbers import named_numbers, named_text
-from paretoik.front.reason import list_words, subject
-from paretoik.front.subset import check_front, check_known
-from paretoik.front.ties import first_row
-from paretoik.inputs import shown
+from paretoik.front.choice import Choice, compare_neighbours, first_row, list_words, named_numbers, named_text, subject
+from paretoik.front.front import Front
+from paretoik.front.geometry import PREFERENCE_OPTIONS as OPTIONS
+from paretoik.front.points import check_front, check_known
+from paretoik.inputs import check_call, finite_number, likely_spelling, shown
 from paretoik.tables import html_representation
+
+# A lexicographic preference: the first objective decides, the second among what is as good, and so on.
+
+
+@check_call
+@dataclass(frozen=True, init=False, eq=False)
+class Lexicographic:
+    """Objectives in the order of their importance, each with how far from its best value is still as good.
+
+    Of all points those within the tolerance of the best first objective remain, of these those within that of the best
+    second one, and so on; of several that remain the one with the lowest sum of shares is chosen. Source: Miettinen
+    1999, section 4.2; tolerances as in its section 4.2.2.
+
+    ``Lexicographic("kinetic_energy", "torque_norm", tolerances={"kinetic_energy": 0.01})``: ``tolerances`` are in the
+    objective's own units, ``tolerance_shares`` are shares of its stored range; an objective has one of them or none,
+    which is 0. Without a tolerance a later objective decides only among equal values.
+
+    Raises InvalidInput where a name comes twice, none comes, or a tolerance is negative or of no such objective.
+    """
+
+    order: tuple[str, ...]
+    tolerances: Mapping[str, float]
+    tolerance_shares: Mapping[str, float]
+
+    def __init__(
+        self,
+        *order: str,
+        tolerances: Mapping[str, float] | None = None,
+        tolerance_shares: Mapping[str, float] | None = None,
+    ) -> None:
+        if not order or not all(isinstance(name, str) for name in order):
+            raise InvalidInput(
+                'lexicographic: names of objectives wanted, the most important first, as in Lexicographic("duration", '
+                f'"energy"), got {shown(order[0] if len(order) == 1 else order)}'
+            )
+        twice = [name for name in order if order.count(name) > 1]
+        if twice:
+            raise InvalidInput(f"lexicographic: wanted each objective once, got {twice[0]} twice")
+        amounts, shares = (
+            named_numbers(
+                f"lexicographic {field}",
+                each,
+                {},
+                accept=lambda size: 0.0 <= size < np.inf,
+                requirement="a tolerance >= 0",
+            )
+            for field, each in (("tolerances", tolerances), ("tolerance_shares", tolerance_shares))
+        )
+        for field, named in (("tolerances", amounts), ("tolerance_shares", shares)):
+            for name in named.keys() - set(order):
+                hint = likely_spelling(name, order)
+                raise InvalidInput(
+                    f"lexicographic {field}: wanted those of {', '.join(order)}, got {shown(name)}{hint}"
+                )
+        both = [name for name in amounts if name in shares]
+        if both:
+            raise InvalidInput(
+                f"lexicographic: wanted one tolerance for {both[0]}, got one in units and one as a share"
+            )
+        assign = object.__setattr__
+        assign(self, "order", order)
+        assign(self, "tolerances", MappingProxyType(dict(amounts)))
+        assign(self, "tolerance_shares", MappingProxyType(dict(shares)))
+
+    def __repr__(self) -> str:
+        parts = [repr(name) for name in self.order]
+        for field, values in (("tolerances", self.tolerances), ("tolerance_shares", self.tolerance_shares)):
+            parts += [f"{field}={dict(values)}"] if values else []
+        return f"Lexicographic({', '.join(parts)})"
+
+    _repr_html_ = html_representation
+
+    def choose(self, front: Front) -> Choice:
+        """Return the point that the order leads to; raises InvalidInput where a name is no objective."""
+        check_front(front)
+        check_known(front, "lexicographic", self.order)
+        among, words, remaining = np.ones(len(front), dtype=bool), [], {}
+        for name in self.order:
+            axis = front.names.index(name)
+            width = float(np.ptp(front.ranges[axis]))
+            tolerance = self.tolerances.get(name, self.tolerance_shares.get(name, 0.0) * width)
+            best = float(front.minimised[among, axis].min())
+            among &= front.minimised[:, axis] <= best + tolerance + OPTIONS.rounding * width
+            remaining[name] = int(among.sum())
+            words.append(_step_in_words(front, axis, best, tolerance, remaining[name]))
+        row = first_row(front, np.zeros(len(front)), among)
+        last = f"point {front.ids[row]}" + ", whose sum of shares is the lowest" * (remaining[name] > 1)
+        return front.choice(
+            row,
+            f"Of {len(front)} points {'; of these '.join(words)}: {last}.",
+            preference=self,
+            details={"remaining": remaining},
+        )
+
+
+def _step_in_words(front: Front, axis: int, best: float, tolerance: float, count: int) -> str:
+    value = f"{front.names[axis]}, {-best if front.maximised[axis] else best:.4g}"
+    if tolerance:
+        within = f"{tolerance:.3g} {front.units[axis]}".rstrip()
+        return (
+            f"{count} {'is' if count == 1 else 'are'} within {within} of the best {value} {front.units[axis]}".rstrip()
+        )
+    return f"{count} {'has' if count == 1 else 'have'} the best {value} {front.units[axis]}".rstrip()
 
 
 @check_call
@@ -102,3 +204,83 @@ def _unreached(front: Front, row: int, unreached: list[int]) -> str:
     if near:
         text += f", among them its neighbour{'s' * (len(near) > 1)} {list_words(list(map(str, near)))}"
     return f"{text}; an aspiration can reach them."
+
+
+# A preference by weights that are not known exactly.
+
+
+@check_call
+@dataclass(frozen=True, init=False, eq=False)
+class Robust:
+    """Weights that may each be wrong by a share ``uncertainty``, and the point regretted least whichever are right.
+
+    The regret of a point under weights v is what another has less in v·Z. Weights w (their sum 1) lie in the box
+    w(1 ± uncertainty); the regret is convex in them, so that it is largest at a vertex, and the point with the least
+    largest regret is chosen (min-max regret; Savage 1951; Kouvelis and Yu 1997).
+
+    ``Robust(kinetic_energy=0.3, torque_norm=0.7, uncertainty=0.2)``. Raises InvalidInput for weights as ``Weights``
+    does, and for an uncertainty that is not between 0 and 1.
+    """
+
+    weights: Mapping[str, float]
+    uncertainty: float
+
+    def __init__(
+        self, mapping: Mapping[str, float] | None = None, /, *, uncertainty: float = 0.2, **weights: float
+    ) -> None:
+        number = finite_number("robust uncertainty", uncertainty)
+        if not 0 <= number <= 1:
+            raise InvalidInput(f"robust uncertainty: wanted a share from 0 to 1, got {shown(uncertainty)}")
+        object.__setattr__(self, "weights", check_weights("robust", mapping, weights))
+        object.__setattr__(self, "uncertainty", number)
+
+    def __repr__(self) -> str:
+        return f"Robust({named_text(self.weights)}, uncertainty={self.uncertainty:g})"
+
+    _repr_html_ = html_representation
+
+    def choose(self, front: Front) -> Choice:
+        """Return the point with the least largest regret; raises InvalidInput where a weight names no objective."""
+        check_front(front)
+        weights = weights_by_axis(front, self.weights, "robust")
+        regrets, rivals = _largest_regrets(front.shares, weights, self.uncertainty)
+        row = first_row(front, regrets)
+        rival, regret = int(rivals[row]), float(regrets[row])
+        worst = weights * (1 + self.uncertainty * np.sign(front.shares[row] - front.shares[rival]))
+        text = (
+            f"{subject(front, row)} has the least largest regret, {regret:.3g}, where each of the weights "
+            f"{weights_in_words(front, weights)} may be wrong by {100 * self.uncertainty:.3g}%"
+        )
+        text += (
+            f": at worst they are {weights_in_words(front, worst)}, and by these point {front.ids[rival]} "
+            "has a weighted sum that is less by so much."
+            if regret > 0
+            else ": whichever they are, it has the least weighted sum."
+        )
+        return front.choice(
+            row,
+            text,
+            preference=self,
+            score=regret,
+            details={
+                "weights": dict(zip(front.names, weights.tolist(), strict=True)),
+                "worst_weights": dict(zip(front.names, worst.tolist(), strict=True)),
+                "rival": int(front.ids[rival]),
+            },
+        )
+
+
+def _largest_regrets(
+    shares: Objectives, weights: Float[np.ndarray, " n_obj"], uncertainty: float
+) -> tuple[Values, np.ndarray]:
+    """Return the largest regret of every point over the vertices of the box, and the row of the point that has less.
+
+    Against one rival it is the largest v·(Z_p − Z_q) over the box, w·d + x w·|d|: no vertex need be listed.
+    """
+    regrets, rivals = np.empty(len(shares)), np.empty(len(shares), dtype=np.int64)
+    for row, point in enumerate(shares):
+        steps = point - shares
+        against = steps @ weights + uncertainty * (np.abs(steps) @ weights)
+        rivals[row] = against.argmax()
+        regrets[row] = against[rivals[row]]
+    return regrets, rivals

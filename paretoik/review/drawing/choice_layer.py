@@ -5,31 +5,164 @@ It has a layout of its own, in which the recording's views are a second tab.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import os
+import warnings
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
+from threading import Thread
+from typing import Any, Literal, get_args
+from uuid import UUID
 
 import numpy as np
+import pyarrow
 import rerun as rr
 import rerun.blueprint as rrb
+from rerun.error_utils import RerunWarning
 
 from paretoik.arrays import Times
-from paretoik.front.front import Choice, Front
-from paretoik.front.prediction import Prediction
-from paretoik.review.drawing.drawn_axes import Canvas
-from paretoik.review.drawing.legend import Legend
-from paretoik.review.drawing.legend_entries import choice_entries
-from paretoik.review.drawing.motion_scene import NO_TIMES, MotionScene
-from paretoik.review.drawing.parallel_axes import ParallelAxes
+from paretoik.errors import InvalidInput, ParetoikError, warn_user
+from paretoik.formulations.protocol import Timeline, is_loop
+from paretoik.front.choice import Choice, Prediction
+from paretoik.front.choice_tree import chosen
+from paretoik.front.front import Front
+from paretoik.review.drawing.axes import Canvas, ParallelAxes
+from paretoik.review.drawing.layout import Legend, choice_blueprint
+from paretoik.review.drawing.motion import NO_TIMES, MotionScene, is_moving
 from paretoik.review.drawing.point_text import choice_text
-from paretoik.review.drawing.recorded_views import ROOTS, RecordedRun
-from paretoik.review.drawing.recording_layout import choice_blueprint
-from paretoik.review.drawing.replay_clock import is_moving
-from paretoik.review.drawing.search_scene import SearchScene
-from paretoik.review.drawing_options import VIEWS
-from paretoik.review.palette import SCREEN
-from paretoik.review.recording.recorded_end import chosen_point
-from paretoik.review.recording.recorded_point import RecordedPoint, record_motion
-from paretoik.review.recording.workcell import Workcell, workcell_of_front
+from paretoik.review.drawing.scatter import SearchScene
+from paretoik.review.drawing.search_charts import choice_entries
+from paretoik.review.palette import SCREEN, VIEWS
+from paretoik.review.recording.messages import RecordedPoint, Workcell, chosen_point, record_motion, workcell_of_front
+from paretoik.runs.file_replacement import only_writer, replace_file
+from paretoik.runs.files import RECORDING, read_plain_file
+from paretoik.runs.folder import check_no_run
+
+# A recording that is there already: its identity, entities, timelines and layout, to be shown beside a choice.
+
+
+ROOTS: tuple[Literal["choice", "compared"], ...] = ("choice", "compared")  # of what was chosen since
+OF_RERUN = ("log_time", "log_tick")  # timelines that it adds itself
+ORIGIN, VIEWPORT_ROOT = "ViewBlueprint:space_origin", "ViewportBlueprint:root_container"
+VIEWS_OF_LAYOUTS = ("/container/**", "/view/**")  # entities of layouts, without panels
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordedTimeline:
+    """A timeline that counts or measures time, from its ``begin`` on, a number or nanoseconds."""
+
+    kind: Literal["sequence", "duration"]
+    begin: int
+
+    @property
+    def first(self) -> dict[str, Any]:
+        """The first instant, as ``set_time`` takes it."""
+        return {self.kind: self.begin if self.kind == "sequence" else np.timedelta64(self.begin, "ns")}
+
+
+class RecordedTab(rrb.Container):
+    """The views of a recording's layout as they were drawn, with all names and sizes, below their ``root``."""
+
+    def __init__(self, root: UUID, chunks: Iterable[rr.chunk.Chunk]) -> None:
+        super().__init__(kind=rrb.components.ContainerKind.Vertical, name=None)
+        self.id = root
+        self._chunks = chunks
+
+    def _log_to_stream(self, stream: rr.RecordingStream) -> None:
+        stream.send_chunks(self._chunks)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordedRun:
+    """A recording: application, identity, entities, timelines by name, and its layout.
+
+    The layout is that which it had before anything was chosen: a ``root`` container, None where it had no layout, and
+    the ``chunks`` of its containers and views.
+    """
+
+    application: str
+    identity: str
+    entities: frozenset[str]
+    timelines: dict[str, RecordedTimeline]
+    root: UUID | None
+    chunks: tuple[rr.chunk.Chunk, ...] = field(compare=False, repr=False)
+
+    @property
+    def timeline(self) -> Timeline:
+        """The timeline of the run itself."""
+        timelines: list[Timeline] = [name for name in get_args(Timeline) if name in self.timelines]
+        return timelines[0] if timelines else "generation"
+
+    def tab(self) -> RecordedTab | None:
+        """Return the views of the run as one tab; None where it had no layout."""
+        return None if self.root is None else RecordedTab(self.root, self.chunks)
+
+
+def read_recorded(file: Path) -> RecordedRun:
+    """Return what a recording has but for choices made since; raises InvalidInput where it cannot be read."""
+    entities: set[str] = set()
+    timelines: dict[str, RecordedTimeline] = {}
+    try:
+        reader = rr.chunk.RrdReader(file)
+        (store,) = reader.recordings()
+        for chunk in reader.stream(store=store).drop(content=[f"/{root}/**" for root in ROOTS]):
+            entities.add(str(chunk.entity_path))
+            timelines |= _timelines(chunk, timelines)
+        root, chunks = _layout(reader)
+    except (OSError, RuntimeError, ValueError) as fault:
+        cause = (str(fault).splitlines() or [type(fault).__name__])[0]
+        raise InvalidInput(f"{file}: wanted a recording of a run, got {cause}") from fault
+    return RecordedRun(
+        application=store.application_id,
+        identity=store.recording_id,
+        entities=frozenset(entities),
+        timelines=timelines,
+        root=root,
+        chunks=chunks,
+    )
+
+
+def layouts_without_choice(reader: rr.chunk.RrdReader) -> list[rr.chunk.StoreEntry]:
+    """Return the layouts of a recording that have no view of a choice."""
+    return [layout for layout in reader.blueprints() if not _shows_choice(reader, layout)]
+
+
+def _timelines(chunk: rr.chunk.Chunk, former: dict[str, RecordedTimeline]) -> dict[str, RecordedTimeline]:
+    """Return the timelines of a chunk, from where they begin in it or before."""
+    names = [name for name in chunk.timeline_names if name not in OF_RERUN]
+    if not names or chunk.is_empty:
+        return {}
+    batch, timelines = chunk.to_record_batch(), dict[str, RecordedTimeline]()
+    for name in names:
+        column = batch.column(name)
+        begin = int(column.cast("int64").to_numpy().min())
+        begin = min(begin, former[name].begin) if name in former else begin
+        kind: Literal["sequence", "duration"] = "sequence" if pyarrow.types.is_integer(column.type) else "duration"
+        timelines[name] = RecordedTimeline(kind=kind, begin=begin)
+    return timelines
+
+
+def _layout(reader: rr.chunk.RrdReader) -> tuple[UUID | None, tuple[rr.chunk.Chunk, ...]]:
+    """Return the root container of the layout before anything was chosen, and the chunks of its parts."""
+    for layout in layouts_without_choice(reader)[:1]:
+        roots = _values(reader.stream(store=layout), VIEWPORT_ROOT)
+        chunks = tuple(reader.stream(store=layout).filter(content=VIEWS_OF_LAYOUTS).to_chunks())
+        return (UUID(bytes=bytes(roots[-1])) if roots else None), chunks
+    return None, ()
+
+
+def _shows_choice(reader: rr.chunk.RrdReader, layout: rr.chunk.StoreEntry) -> bool:
+    """Say whether a layout has a view of a choice."""
+    return any(origin.strip("/").split("/")[0] in ROOTS for origin in _values(reader.stream(store=layout), ORIGIN))
+
+
+def _values(chunks: Iterable[rr.chunk.Chunk], component: str) -> list[Any]:
+    """Return all values of a component of a layout, in the order in which they stand there."""
+    batches = (chunk.to_record_batch() for chunk in chunks)
+    columns = [batch.column(component).to_pylist() for batch in batches if component in batch.schema.names]
+    return [value for column in columns for row in column for value in row or ()]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -198,3 +331,119 @@ class ChoiceLayer:
     @property
     def _names(self) -> tuple[str, ...]:
         return self.names or tuple(f"point {choice.id}" for choice in self.choices)
+
+
+# The recording of a run with the choice that was made on its front.
+#
+# What Rerun writes goes through a pipe into memory: on a full disk its file sink may hang. A new file replaces the
+# recording once it has been read back, or not at all.
+
+
+BLOCK = 1 << 20  # bytes read from a pipe at once
+
+
+class RecordedLayout(rrb.Blueprint):
+    """The layout that a recording had before anything was chosen, to be written again as it was."""
+
+    def __init__(self, chunks: rr.chunk.LazyChunkStream) -> None:
+        super().__init__()
+        self._chunks = chunks
+
+    def _log_to_stream(self, stream: rr.RecordingStream) -> None:
+        stream.send_chunks(self._chunks)
+
+
+def show_choice_in_recording(front: Front, *, moved: Choice | None = None, source: Path | None = None) -> None:
+    """Let the recording in a front's run folder open on the present choice, or as it was made where there is none.
+
+    A point that was ``moved`` to is shown beside the present choice, or alone where there is none or another run's
+    recording is the ``source``. Nothing is done for a closed loop, whose motion is its recording's anyhow. A recording
+    that cannot be read or replaced stays as it is, with a warning: the choice, or point, is kept elsewhere.
+    """
+    if front.folder is None or is_loop(front):
+        return
+    recording = front.folder / RECORDING
+    source = recording if source is None else source
+    try:
+        with only_writer(front.folder):  # so that of several choices the recording has the last
+            check_no_run(front.folder)
+            read_plain_file(source)  # no link, whose target would stay as it is
+            point = front.choices.chosen
+            if point is not None and point.point not in front:  # of a newer front, whoever chose it
+                return
+            recorded = _read_whole(source)
+            shown = {each.id: each for each in (chosen(front), moved) if each is not None}
+            choice, compare = (*shown.values(), None, None)[:2]
+            content = recording_with_choice(front, choice, recording=source, compare=compare)
+            replace_file(recording, content, check=lambda file: _check_holds(file, recorded))
+    except Exception as fault:  # it is a view, and may fail in any way
+        cause = str(fault) if isinstance(fault, ParetoikError) else f"{recording}: {type(fault).__name__}: {fault}"
+        what = "choice" if moved is None else "point"
+        text = f"the recording stays as it was, the {what} is kept: {' '.join(cause.split())}"
+        warn_user(text)
+
+
+def recording_with_choice(
+    front: Front, choice: Choice | None, *, recording: Path, compare: Choice | None = None
+) -> bytes:
+    """Return the content of a recording that opens on a choice, beside it another one, in place of one it may have.
+
+    Without a choice it opens as it was made. Raises InvalidInput where the recording cannot be read.
+    """
+    recorded = read_recorded(recording)
+    reader = rr.chunk.RrdReader(recording)
+    (store,) = reader.recordings()
+    content = bytearray()
+    with _stream_into(content, recorded) as stream:
+        stream.send_chunks(reader.stream(store=store).drop(content=[f"/{root}/**" for root in ROOTS]))
+        for layout in layouts_without_choice(reader)[:1]:
+            opens = choice is None
+            stream.send_blueprint(RecordedLayout(reader.stream(store=layout)), make_active=opens, make_default=opens)
+        if choice is not None:
+            choices = (choice,) if compare is None else (choice, compare)
+            layer = ChoiceLayer(front=front, choices=choices, recorded=recorded)
+            layer.log(stream)
+            stream.send_blueprint(layer.blueprint(), make_active=True, make_default=True)
+    return bytes(content)
+
+
+@contextmanager
+def _stream_into(content: bytearray, recorded: RecordedRun) -> Iterator[rr.RecordingStream]:
+    """Yield a stream of the same recording, all of which stands in ``content`` at the end."""
+    source, sink = os.pipe()
+
+    def drain() -> None:
+        while block := os.read(source, BLOCK):
+            content.extend(block)
+
+    reader = Thread(target=drain, daemon=True)
+    reader.start()
+    stream = rr.RecordingStream(recorded.application, recording_id=recorded.identity, send_properties=False)
+    try:
+        stream.save(f"/dev/fd/{sink}")
+        yield stream
+        stream.flush()
+    finally:
+        with suppress(RuntimeError):
+            stream.disconnect()
+        os.close(sink)
+        reader.join()
+        os.close(source)
+
+
+def _read_whole(recording: Path) -> RecordedRun:
+    """Return what a recording has; raises InvalidInput for one that was cut off, of which some can be read."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", RerunWarning)
+        try:
+            return read_recorded(recording)
+        except RerunWarning as fault:
+            raise InvalidInput(f"{recording}: wanted a whole recording, got one that was cut off") from fault
+
+
+def _check_holds(file: Path, former: RecordedRun) -> None:
+    """Raise InvalidInput unless a recording has all that the former one has."""
+    recorded = _read_whole(file)
+    if recorded != former:
+        missing = sorted(former.entities - recorded.entities)
+        raise InvalidInput(f"{file}: wanted all of the former recording, got one without {missing[:1]}")

@@ -5,16 +5,103 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations, pairwise
+from typing import Literal
 
 import numpy as np
+import rerun as rr
 import rerun.blueprint as rrb
 from jaxtyping import Float
 
 from paretoik.arrays import Objectives, Values
-from paretoik.review.drawing.drawn_axes import TEXT, Canvas, axis_ranges, window
-from paretoik.review.drawing_options import DRAWING, VIEWS
-from paretoik.review.palette import SCREEN
-from paretoik.review.recording.recorder import Population
+from paretoik.formulations.protocol import Timeline
+from paretoik.review.drawing.axes import TEXT, Canvas, axis_ranges, labels, screen_text, text_width, window
+from paretoik.review.drawing.labels import half_size, label_area, line_points, log_name
+from paretoik.review.outlines import count_covered
+from paretoik.review.palette import DRAWING, MARKS, SCREEN, VIEWS, Colour
+from paretoik.review.recording.messages import RecordedPoint
+from paretoik.review.recording.recorder import Generation, Population
+
+# The layers of points that a panel of two objectives shows, each with its colour and size.
+
+
+Layer = Literal["population", "final", "front", "chosen", "looked_at", "choice", "compared", "predicted"]
+LAYERS: dict[Layer, tuple[Colour, float, float]] = {  # colour, radius, which is drawn above which
+    "population": (SCREEN.population, 2.2, 1.0),
+    "final": (SCREEN.final, 2.6, 0.5),
+    "front": (SCREEN.front, 3.2, 2.0),
+    "chosen": (SCREEN.chosen, 6.5, 4.0),
+    "looked_at": (SCREEN.arm, 4.0, 4.5),  # as its arm; smaller, so that an end or a choice below it stays seen
+    "choice": (SCREEN.chosen, 6.5, 4.0),
+    "compared": (SCREEN.compared, 6.5, 3.5),
+    "predicted": (SCREEN.predicted, 5.5, 2.9),
+}
+
+
+def layer_points(layer: Layer, places: np.ndarray, hovered: Sequence[str] | None) -> rr.Points2D:
+    """Return the points of a layer at places (points, 2) [pixels], with what is said of them under the mouse."""
+    colour, radius, order = LAYERS[layer]
+    radii = rr.Radius.ui_points(radius)
+    return rr.Points2D(places, colors=colour, radii=radii, labels=hovered, show_labels=False, draw_order=order)
+
+
+# The best points of the objectives in a panel of two of them.
+
+
+def log_ends(
+    recording: rr.RecordingStream,
+    entity: Sequence[str],
+    canvas: Canvas,
+    places: Objectives,
+    points: Sequence[RecordedPoint],
+    names: Sequence[str],
+    others: Population | None,
+    *,
+    of: str = "",
+    taken: Float[np.ndarray, "area 2"] | None = None,
+) -> None:
+    """Mark the best points of the objectives called ``names`` at their ``places`` (points, 2), at the current time.
+
+    Of those that lie on each other, or on the chosen one, every mark is a ring around the next. The names of those that
+    are one point stand beside it, off ``others`` (points, 2) and what is ``taken`` [pixels], unless the former are
+    None. ``of`` says whose ids they have.
+    """
+    ends = [row for row, point in enumerate(points) if point.axis is not None]
+    chosen = {point.id for point in points if point.axis is None}
+    marks, hovered, shared = list[int](), list[str](), dict[str, int]()
+    for row in ends:
+        if canvas.shows(places[row : row + 1])[0]:
+            words = best_words(points, row, names)
+            marks.append(row)
+            hovered.append(f"point {points[row].id}{of}, {', '.join(words.splitlines())}")
+            if "\n" in words and points[row].id not in chosen:
+                shared[words] = row
+    radii = ring_radii(canvas.place(places), marks, [row for row, point in enumerate(points) if point.axis is None])
+    colours, sizes = [SCREEN.end(points[row].axis or 0) for row in marks], rr.Radius.ui_points(radii)
+    at = canvas.place(places[marks])
+    markers = rr.Points2D(at, colors=colours, radii=sizes, labels=hovered, show_labels=False, draw_order=3.0)
+    recording.log([*entity, "ends"], markers)
+    if others is None:
+        return
+    for number in range(max(1, len(names) // 2)):  # as many as there can be
+        shown, rows = list(shared)[number : number + 1], list(shared.values())[number : number + 1]
+        everything = np.concatenate([places[rows], others, places])
+        log_name(recording, [*entity, "ends", f"names_{number}"], canvas, shown, everything, SCREEN.text, taken=taken)
+
+
+def ring_radii(
+    at: Float[np.ndarray, "points 2"], marks: Sequence[int], chosen: Sequence[int]
+) -> Float[np.ndarray, " marks"]:
+    """Return the radii of marks [pixels] at their places among those of points: wider by a ring for each on top."""
+    apart = np.linalg.norm(at[list(marks), None] - at[[*marks, *chosen]], axis=2)
+    on_top = np.triu(apart < MARKS.end, k=1).sum(axis=1)  # a later mark is drawn above, the chosen point above all
+    return np.asarray(MARKS.end + MARKS.ring * on_top, dtype=float)
+
+
+def best_words(points: Sequence[RecordedPoint], row: int, names: Sequence[str]) -> str:
+    """Return what the point of a row is best in, a line an objective."""
+    same = [point.axis for point in points if point.axis is not None and point.id == points[row].id]
+    return "\n".join(f"best {screen_text(names[axis])}" for axis in same)
+
 
 Pair = tuple[int, int]
 
@@ -113,3 +200,140 @@ def replay_window(fronts: Sequence[Float[np.ndarray, "_ n_obj"]]) -> Objectives:
     low, high = front.min(axis=0), front.max(axis=0)
     reach = 1.5 * axis_ranges(low, high)
     return np.stack([np.maximum(everything.min(axis=0), low - reach), np.minimum(everything.max(axis=0), high + reach)])
+
+
+# What lines a panel of two objectives shows: bounds ε of a sweep, and where refined points came from.
+
+
+@dataclass(frozen=True, kw_only=True)
+class PanelLines:
+    """The lines of generations of a ``timeline``: levels have bounds, refinements moves, others none.
+
+    Names and units are those of the objectives, ``maximised`` says which are.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    maximised: tuple[bool, ...]
+    timeline: Timeline
+
+    def log(
+        self, recording: rr.RecordingStream, entity: Sequence[str], canvas: Canvas, pair: Pair, generation: Generation
+    ) -> None:
+        """Draw the lines of a generation in the panel of a pair of objectives, at the current time."""
+        if self.timeline == "refinement":
+            log_moves(recording, [*entity, "moves"], self._moves(canvas, pair, generation))
+        elif self.timeline == "level":
+            log_bounds(recording, [*entity, "epsilon"], self._bounds(canvas, pair, generation))
+
+    def points(self, canvas: Canvas, pair: Pair, generation: Generation) -> Float[np.ndarray, "points 2"]:
+        """Return points [pixels] all over those lines and what is said of them, for labels to keep off them."""
+        if self.timeline == "refinement":
+            return line_points(self._moves(canvas, pair, generation))
+        return bound_points(self._bounds(canvas, pair, generation)) if self.timeline == "level" else np.zeros((0, 2))
+
+    def _moves(self, canvas: Canvas, pair: Pair, generation: Generation) -> Float[np.ndarray, "moves 2 2"]:
+        columns = list(pair)
+        origins = None if generation.origins is None else generation.origins[:, columns]
+        return moves_in(canvas, origins, generation.front[:, columns])
+
+    def _bounds(self, canvas: Canvas, pair: Pair, generation: Generation) -> list[Bound]:
+        epsilon = None if generation.epsilon is None else generation.epsilon[list(pair)]
+        first, second = ((screen_text(self.names[axis]), self.units[axis]) for axis in pair)
+        return bounds_in(canvas, epsilon, (first, second), (self.maximised[pair[0]], self.maximised[pair[1]]))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Bound:
+    """A bound ε as a line across a panel, and what is said beside its end, all [pixels]."""
+
+    ends: Float[np.ndarray, "2 2"]
+    words: str
+    middle: Float[np.ndarray, " 2"]
+
+
+def bounds_in(
+    canvas: Canvas,
+    epsilon: Values | None,
+    labelled: tuple[tuple[str, str], tuple[str, str]],
+    maximised: tuple[bool, bool],
+) -> list[Bound]:
+    """Return the finite bounds of the two objectives of a panel that it shows; none where ``epsilon`` is None.
+
+    ``labelled`` are names and units. What a bound is stands beside its line, off the other line and what that is.
+    """
+    lines, words = list[np.ndarray](), list[str]()
+    for axis in range(2) if epsilon is not None else ():
+        assert epsilon is not None
+        bound = epsilon[axis]
+        if not (np.isfinite(bound) and canvas.low[axis] <= bound <= canvas.high[axis]):
+            continue
+        line = np.stack([canvas.low, canvas.high])
+        line[:, axis] = bound
+        (name, unit), sense = labelled[axis], "≥" if maximised[axis] else "≤"
+        lines.append(canvas.place(line))
+        words.append(f"ε: {name} {sense} {bound:.4g} {unit}".rstrip())
+    bounds = list[Bound]()
+    for number, ends in reversed(list(enumerate(lines))):  # words beside an upright line have more places
+        others = [line_points(other[None]) for other in lines[:number] + lines[number + 1 :]]
+        areas = [label_area(bound.middle, bound.words) for bound in bounds]
+        taken = np.concatenate([np.zeros((0, 2)), *others, *areas])
+        bounds.append(
+            Bound(ends=ends, words=words[number], middle=_end_label_place(canvas, ends, words[number], taken))
+        )
+    return bounds[::-1]
+
+
+def log_bounds(recording: rr.RecordingStream, entity: Sequence[str], bounds: Sequence[Bound]) -> None:
+    """Draw the bounds of a panel at the current time, with what they are."""
+    ends, words = [bound.ends for bound in bounds], [bound.words for bound in bounds]
+    lines = rr.LineStrips2D(ends, colors=SCREEN.epsilon, radii=rr.Radius.ui_points(1.0), draw_order=0.5)
+    recording.log(list(entity), lines)
+    middles = np.array([bound.middle for bound in bounds]).reshape(-1, 2)
+    recording.log([*entity, "names"], labels(words, middles, SCREEN.epsilon))
+
+
+def bound_points(bounds: Sequence[Bound]) -> Float[np.ndarray, "points 2"]:
+    """Return points along bounds and all over what is said of them [pixels]: other labels are to keep off them."""
+    areas = [label_area(bound.middle, bound.words) for bound in bounds]
+    return np.concatenate([line_points(np.array([bound.ends for bound in bounds]).reshape(-1, 2, 2)), *areas])
+
+
+def _end_label_place(
+    canvas: Canvas, ends: Float[np.ndarray, "2 2"], words: str, others: Float[np.ndarray, "marks 2"]
+) -> Float[np.ndarray, " 2"]:
+    """Return the middle of words beside a line across a panel that covers fewest of ``others``, within the frame.
+
+    Of such that nearest to where the line ends, on the side that has more room; on the line where neither has enough.
+    """
+    half = np.array([0.5 * text_width(words) + 8.0, half_size(words)[1]])
+    offset, middle = half + np.array([6.0, 4.0]), canvas.origin + 0.5 * np.array([canvas.width, canvas.height])
+    inwards = np.where(ends[-1] > middle, -1.0, 1.0)
+    across = np.abs(ends[1] - ends[0]) < 1e-9  # the axis along which a line has two sides
+    last, first = ends[-1] + inwards * offset, ends[0] + np.where(across, inwards, -inwards) * offset
+    places = last + np.linspace(0.0, 1.0, MARKS.label_grid)[:, None] * (first - last)
+    middles = np.stack([places, places - 2.0 * across * inwards * offset], axis=1).reshape(-1, 2)
+    inset = half + MARKS.frame_gap
+    low, high = canvas.origin + inset, canvas.origin + np.array([canvas.width, canvas.height]) - inset
+    middles = np.concatenate([middles, np.minimum(np.maximum(middles, low), high)])
+    outside = ((middles < low - 1e-6) | (middles > high + 1e-6)).any(axis=1)
+    return np.asarray(middles[(count_covered(middles, half, others) + MARKS.outside * outside).argmin()])
+
+
+def moves_in(canvas: Canvas, origins: Objectives | None, front: Objectives) -> Float[np.ndarray, "moves 2 2"]:
+    """Return from where each point (points, 2) was to where it is, as lines [pixels]; none without origins."""
+    origins = front[:0] if origins is None else origins
+    seen = canvas.shows(origins) & canvas.shows(front[: len(origins)])
+    return np.stack([canvas.place(origins[seen]), canvas.place(front[: len(origins)][seen])], axis=1)
+
+
+def log_moves(recording: rr.RecordingStream, entity: Sequence[str], moves: Float[np.ndarray, "moves 2 2"]) -> None:
+    """Draw arrows along the moves of a panel, at the current time."""
+    arrows = rr.Arrows2D(
+        origins=moves[:, 0],
+        vectors=moves[:, 1] - moves[:, 0],
+        colors=SCREEN.moves,
+        radii=rr.Radius.ui_points(0.8),
+        draw_order=1.5,
+    )
+    recording.log(list(entity), arrows)

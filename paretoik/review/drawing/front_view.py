@@ -15,20 +15,17 @@ import rerun as rr
 
 from paretoik.arrays import Ids
 from paretoik.errors import InvalidInput, ParetoikError
-from paretoik.front.choices import pick_point
-from paretoik.front.compromise import compromise
+from paretoik.front.choice import Prediction
+from paretoik.front.choice_tree import pick_point
 from paretoik.front.front import Choice, Front
-from paretoik.front.prediction import Prediction
-from paretoik.front.provenance import NAVIGATIONS
-from paretoik.front.subset import check_has_points
+from paretoik.front.points import NAVIGATIONS, check_has_points
+from paretoik.front.preferences.compromise import compromise
 from paretoik.inputs import shown
-from paretoik.review.drawing.choice_layer import ChoiceLayer
-from paretoik.review.drawing.motion_scene import motion_frames
-from paretoik.review.drawing.parallel_axes import drawn_rows
-from paretoik.review.drawing.recorded_views import ROOTS
-from paretoik.review.drawing_options import DRAWING, VIEWS
-from paretoik.review.even_rows import even_rows
-from paretoik.review.recording.recorded_end import front_point
+from paretoik.review.drawing.axes import drawn_rows
+from paretoik.review.drawing.choice_layer import ROOTS, ChoiceLayer
+from paretoik.review.drawing.motion import motion_frames
+from paretoik.review.palette import DRAWING, VIEWS, even_rows
+from paretoik.review.recording.messages import front_point
 
 if TYPE_CHECKING:  # it wants an extra
     from paretoik.review.drawing.preference_sliders import Kind, SliderWish

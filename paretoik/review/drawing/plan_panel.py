@@ -12,11 +12,10 @@ import rerun.blueprint as rrb
 from jaxtyping import Float
 
 from paretoik.arrays import Values
-from paretoik.review.drawing.drawn_axes import TEXT, Canvas, labels, window
-from paretoik.review.drawing.label_places import joined_label, label_points, line_points, no_label
-from paretoik.review.drawing_options import DRAWING, MARKS
-from paretoik.review.palette import SCREEN, Colour, screen_label
-from paretoik.review.recording.planned import PlannedLevel, PlannedOptimum, PlannedScene
+from paretoik.review.drawing.axes import TEXT, Canvas, labels, window
+from paretoik.review.drawing.labels import joined_label, label_points, line_points, no_label
+from paretoik.review.palette import DRAWING, MARKS, SCREEN, Colour, screen_label
+from paretoik.review.recording.messages import PlannedLevel, PlannedOptimum, PlannedScene
 
 ENTITY = "objective"
 BEST = "best"  # name of the best point

@@ -6,17 +6,92 @@ import re
 from collections.abc import Sequence
 
 import numpy as np
+from jaxtyping import Float
 
 from paretoik.arrays import Objectives
-from paretoik.front.compromise import COMPROMISE_IN_WORDS
-from paretoik.front.front import Choice, Front
-from paretoik.review.drawing.infeasible_text import broken_lines
-from paretoik.review.drawing.screen_text import screen_text, unbroken_units
+from paretoik.front.choice import Choice
+from paretoik.front.front import Front
+from paretoik.front.preferences.compromise import COMPROMISE_IN_WORDS
+from paretoik.review.drawing.axes import screen_text, unbroken_units
+from paretoik.review.drawing.scatter import SearchScene
 from paretoik.review.drawing.search_charts import front_size
-from paretoik.review.drawing.search_scene import SearchScene
+from paretoik.review.palette import DRAWING, is_sliding
+from paretoik.review.recording.messages import LeastViolating, RecordedMotion, Workcell, joint_curves
 from paretoik.review.recording.recorder import Generation, Population
-from paretoik.review.run_words import counted, named_unit, run_text, value_text
+from paretoik.review.words import counted, named_unit, run_text, value_text
 from paretoik.search.maximin import dominates
+from paretoik.task.limits import JOINT_UNITS, limit_ranges
+
+# Limits of joints that a motion breaks, in words: a method may know none of them, and what it does then shows.
+
+
+def broken_limits(cell: Workcell, motion: RecordedMotion) -> list[str]:
+    """Return a line of Markdown for every limit of a joint that a motion breaks, by how much it breaks it at most."""
+    lines = list[str]()
+    for kind, values in joint_curves(cell, motion).items():
+        if kind not in cell.bounds:
+            continue
+        bounds = _bounds_at(cell, kind, motion)
+        for joint, name in enumerate(cell.arm.joint_names):
+            unit = JOINT_UNITS[kind][int(is_sliding(cell.arm)[joint])]
+            words = _broken(motion.time, values[:, joint], bounds[:, joint], unit)
+            lines += [f"- **{name}, {kind}**: {words}"] if words else []
+    return lines
+
+
+def _broken(time: np.ndarray, values: np.ndarray, bounds: Float[np.ndarray, "time 2"], unit: str) -> str:
+    """Return how curve values break their bounds, "" where they keep them."""
+    low, high = bounds.T
+    excess = np.maximum(values - high, low - values)
+    over = excess > DRAWING.limit_tolerance * limit_ranges(low, high)
+    if not over.any():
+        return ""
+    worst, first = int(np.argmax(np.where(over, excess, -np.inf))), int(over.argmax())
+    limit = high[worst] if values[worst] > high[worst] else low[worst]
+    return (
+        f"reaches {values[worst]:.3g} {unit} at {time[worst]:.3g} s, limit {limit:.3g} {unit}; broken by up to "
+        f"{excess[worst]:.3g} {unit}, first at {time[first]:.3g} s, at {over.sum()} of {len(time)} samples"
+    )
+
+
+def _bounds_at(cell: Workcell, kind: str, motion: RecordedMotion) -> Float[np.ndarray, "time dof 2"]:
+    """Return the bounds at the samples of a motion, which may end before its path does."""
+    bounds = cell.bounds[kind]
+    if len(bounds) == 1:
+        return np.broadcast_to(bounds, (len(motion.time), *bounds.shape[1:]))
+    rows = np.abs(cell.times[:, None] - motion.time).argmin(axis=0)
+    return np.asarray(bounds[rows])
+
+
+# What is said, in Markdown, of a run that found nothing feasible: the reason, and what the least-violating breaks.
+
+
+def infeasible_text(
+    names: Sequence[str], units: Sequence[str], nearest: LeastViolating, cell: Workcell | None, heading: str
+) -> str:
+    """Return why a run has no result, and what its least-violating motion breaks, limits of joints in their units.
+
+    ``names`` and ``units`` are those of the objectives.
+    """
+    lines = [f"# {heading}", "", nearest.reason]
+    if nearest.broken:
+        lines += ["", "## Constraints broken", "", *broken_lines(nearest)]
+    point = nearest.point
+    limits = [] if cell is None or point is None or point.motion is None else broken_limits(cell, point.motion)
+    lines += ["", "## Limits of joints broken", "", *limits] if limits else []
+    if point is not None and np.isfinite(point.objectives).all():
+        lines += ["", "## Its objectives", ""]
+        lines += [
+            f"- **{named_unit(name, unit)}**: {value_text(point.objectives[axis], unit)}"
+            for axis, (name, unit) in enumerate(zip(names, units, strict=True))
+        ]
+    return screen_text(unbroken_units("\n".join(lines), units))
+
+
+def broken_lines(nearest: LeastViolating) -> list[str]:
+    """Return a line of Markdown for every constraint that is broken."""
+    return [f"- {words}" for words in nearest.broken]
+
 
 NO_RANGE = "One point has no range to have a share of: it is drawn in the middle."
 

@@ -10,8 +10,8 @@ from typing import Any, Literal
 import anywidget
 import traitlets
 
+from paretoik.front.choice import Prediction
 from paretoik.front.front import Choice, Front
-from paretoik.front.prediction import Prediction
 
 Kind = Literal["idle", "predicted", "certified", "jump", "known", "refused"]
 HERE = Path(__file__).parent

@@ -3,19 +3,141 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from paretoik.arrays import Series, Times
-from paretoik.review.drawing.curve_charts import Chart, fit_below_tabs
-from paretoik.review.drawing.screen_text import screen_text
-from paretoik.review.drawing.search_scene import SearchScene
-from paretoik.review.drawing_options import MARKS, VIEWS
-from paretoik.review.palette import SCREEN, Colour
-from paretoik.review.recording.recorder import Generation
+from paretoik.arrays import Objectives, Series, Times
+from paretoik.review.drawing.axes import Canvas, ParallelAxes, screen_text
+from paretoik.review.drawing.charts import Chart, fit_below_tabs
+from paretoik.review.drawing.front_panels import outside_panels
+from paretoik.review.drawing.layout import TEXT_ENTITY as TEXT
+from paretoik.review.drawing.layout import note_view
+from paretoik.review.drawing.motion import MotionScene
+from paretoik.review.drawing.scatter import SearchScene
+from paretoik.review.palette import MARKS, SCREEN, VIEWS, Colour
+from paretoik.review.recording.messages import Workcell
+from paretoik.review.recording.recorder import Generation, SearchedFront, SearchEnd
+
+# What the legend of a recording says.
+
+
+Entry = tuple[str, Colour]
+RESOLUTION_ENTRIES: tuple[Entry, ...] = (
+    ("step damped, shortened, held, limited or missed", SCREEN.event),
+    ("error from which the path counts as lost: dashed", SCREEN.limit),
+)
+
+
+def search_entries(
+    scene: SearchScene,
+    motions: MotionScene | None,
+    *,
+    chosen: str = "compromise",
+    walked: bool = False,
+    postures: str = "",
+) -> list[Entry]:
+    """Return what is drawn of a search in which colour, with the points that are ``walked`` along if there are some.
+
+    ``postures`` says which are drawn behind arms that stand still, "" where none are.
+    """
+    loop = scene.timeline == "step"
+    behind = {"level": "dominated", "refinement": "before"}.get(scene.timeline, "population")
+    entries: list[Entry] = [("front of the step" if loop else "front", SCREEN.front), (chosen, SCREEN.chosen)]
+    if not loop:
+        entries = [(behind, SCREEN.population), *entries, ("final front", SCREEN.final)]
+        entries += [("ε: bound of this level", SCREEN.epsilon)] if scene.timeline == "level" else []
+        entries += [("from before to after", SCREEN.moves)] if scene.timeline == "refinement" else []
+        if len(scene.names) > 1:
+            entries += [(f"best {name}", SCREEN.end(axis)) for axis, name in enumerate(scene.names)]
+        entries += [("point looked at", SCREEN.arm)] if walked else []
+    if motions is None:
+        return entries
+    arm = f"arm of the {chosen}" if chosen == "compromise" else "arm"
+    arm = f"{arm}, or of the point looked at" if walked else arm
+    return entries + motion_entries(motions, arm, postures=postures)
+
+
+def plan_entries(motions: MotionScene | None, *, optima: int = 2, feasible: bool = True) -> list[Entry]:
+    """Return what is drawn of a plan in which colour, also of one without a feasible motion.
+
+    Of several ``optima`` one is looked at; a single one is the best.
+    """
+    entries: list[Entry] = [
+        ("start", SCREEN.population),
+        ("start beyond the axes: a dash at their edge", SCREEN.population),
+        ("what it led to", SCREEN.front),
+        ("start that led to no optimum", SCREEN.failed),
+        ("best, of a level or in the end", SCREEN.chosen),
+        *([("optimum looked at", SCREEN.arm)] if optima > 1 else []),
+        ("values of the optima", SCREEN.final),
+    ]
+    if not feasible:
+        entries = [entries[0], entries[1], entries[3]]  # nothing led anywhere
+    arm = "arm" if feasible else "arm of the least-violating motion"
+    arms = [] if motions is None else [*motion_entries(motions, arm), ("arm of the start looked at", SCREEN.end(0))]
+    return entries + arms
+
+
+def resolution_entries(motions: MotionScene, first: str, others: Sequence[str]) -> list[Entry]:
+    """Return what is drawn of resolved motions in which colour; the ``first`` is drawn solid."""
+    named: list[Entry] = [(first, SCREEN.arm)] if others else []
+    named += [(name, SCREEN.end(axis)) for axis, name in enumerate(others)]
+    arm = f"arm of {first}, or of the motion looked at" if others else "arm"
+    return [*named, *RESOLUTION_ENTRIES, *motion_entries(motions, arm)]
+
+
+def maxima_entries(cell: Workcell, word: str) -> list[Entry]:
+    """Return what is drawn of directional maxima in which colour."""
+    entries: list[Entry] = [
+        (f"highest {word}s so far", SCREEN.front),
+        ("this direction", SCREEN.chosen),
+        ("all directions", SCREEN.final),
+        ("arm in the posture of this direction", SCREEN.arm),
+        ("postures of those before", SCREEN.ghost),
+        ("position of the tool", SCREEN.target),
+        ("what motors allow: dashed", SCREEN.text),
+    ]
+    entries += [("limits: dashed", SCREEN.text)] if "position" in cell.bounds else []
+    return entries + ([("obstacle", SCREEN.obstacle)] if cell.obstacles else [])
+
+
+def motion_entries(motions: MotionScene, arm: str = "arm", *, postures: str = "") -> list[Entry]:
+    """Return what is drawn of motions in which colour; ``arm`` says whose is drawn solid.
+
+    ``postures`` says which are drawn behind arms that stand still, "" where none are.
+    """
+    cell = motions.workcell
+    entries: list[Entry] = [(arm, SCREEN.arm)]
+    if cell.link_radius:
+        entries.append(("its links", SCREEN.body if cell.arm.is_planar else (*SCREEN.hull[:3], 255)))
+    if any(point.motion is not None and not point.motion.is_standing for point in motions.points):
+        entries += [("its postures over time", SCREEN.ghost), ("path of its tool", SCREEN.path)]
+    elif postures:
+        entries.append((postures, SCREEN.ghost))
+    if cell.paths:
+        entries.append(("path to follow", SCREEN.target))
+    if cell.places:
+        entries.append(("places that count" if len(cell.places) > 1 else next(iter(cell.places)), SCREEN.target))
+    if len(cell.directions):
+        entries.append(("directions", SCREEN.target))
+    if cell.obstacles:
+        entries.append(("obstacle", SCREEN.obstacle))
+    if any(chart.limits for chart in motions.charts.values()):
+        entries.append(("limits: dashed", SCREEN.text))
+    return entries
+
+
+def choice_entries(names: Sequence[str], motions: MotionScene | None, *, predicts: bool = False) -> list[Entry]:
+    """Return what is drawn of one or two choices in which colour, and of predictions where there are some."""
+    colours = (SCREEN.chosen, SCREEN.compared)
+    marked: list[Entry] = [(name, colour) for name, colour in zip(names, colours, strict=False)]
+    marked += [("predicted, not certified", SCREEN.predicted)] if predicts else []
+    return [("front", SCREEN.front), *marked, *([] if motions is None else motion_entries(motions))]
+
 
 BEST_WORST: tuple[Colour, Colour] = (SCREEN.population, SCREEN.frame)
 DrawnChart = tuple[Chart, np.ndarray, np.ndarray]  # with its instants and curves (curves, instants)
@@ -151,3 +273,90 @@ def _chart(
 
 def _number(value: float | None) -> float:
     return float("nan") if value is None else value
+
+
+# What recordings of finished searches and closed loops share: where fronts and their charts are drawn.
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RecordedSearch:
+    """All ``generations`` of a search, or steps of a closed loop, and its ``end``; ``note`` says what was left out."""
+
+    scene: SearchScene
+    recorded: SearchedFront
+    generations: Sequence[Generation]
+    end: SearchEnd
+    note: str = ""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FrontViews:
+    """The views of a search's fronts, on axes that hold all of ``shown``, and of how it went; ``note`` is its note."""
+
+    search: RecordedSearch
+    shown: Objectives
+    note: str
+
+    def log(self, stream: rr.RecordingStream) -> None:
+        """Draw axes, charts and the note, for all times."""
+        self.search.scene.log_axes(stream, self.canvases, static=True)
+        if self.parallel is not None:
+            self.parallel.log(stream, static=True)
+        for chart, instants, curves in self._charts:
+            chart.log(stream)
+            chart.draw(stream, instants, curves, static=True)
+        if self.note:
+            stream.log("notes/left_out", rr.TextDocument(self.note), static=True)
+
+    def log_generation(self, stream: rr.RecordingStream, generation: Generation, words: str) -> None:
+        """Draw a generation or step at the current time, with what is said of it."""
+        final = None if self.search.end.front is None else self.search.end.front.objectives
+        behind = None if self.search.scene.timeline == "step" else final
+        self.search.scene.log_generation(stream, generation, self.canvases, self.parallel, behind=behind)
+        log_series(self.search.scene, stream, generation)
+        stream.log(TEXT, rr.TextDocument(words, media_type="text/markdown"))
+        self.log_cursors(stream, generation.number)
+
+    def log_note(self, stream: rr.RecordingStream, words: str) -> None:
+        """Say where points would be why there are none, at the current time; without words, no longer."""
+        self.search.scene.log_note(stream, self.canvases, words)
+
+    def log_cursors(self, stream: rr.RecordingStream, number: int) -> None:
+        """Let the cursors of charts stand at a generation or step, at the current time."""
+        for chart, _, _ in self._charts:
+            chart.log_cursor(stream, float(number))
+
+    def outside(self, generation: Generation) -> int:
+        """Return how many individuals of a generation lie outside the axes of at least one panel."""
+        return outside_panels(self.search.scene.panels.pairs, self.canvases, generation.population)
+
+    @property
+    def front(self) -> rrb.View | None:
+        """The view of all pairs of objectives; None where nothing finite is shown."""
+        return self.search.scene.view() if self.canvases else None
+
+    @property
+    def charts(self) -> list[rrb.View]:
+        """The views below that of the front."""
+        parallel = [] if self.parallel is None else [self.parallel.view()]
+        return [*parallel, *(chart.view() for chart, _, _ in self._charts)]
+
+    @property
+    def notes(self) -> list[rrb.View]:
+        """The view of the note, where there is one."""
+        return [note_view()] if self.note else []
+
+    @cached_property
+    def canvases(self) -> list[Canvas]:
+        """The axes of every pair of objectives."""
+        return self.search.scene.canvases(self.shown)
+
+    @cached_property
+    def parallel(self) -> ParallelAxes | None:
+        """The axes of parallel coordinates, from three objectives on."""
+        return self.search.scene.parallel_axes(self.shown)
+
+    @cached_property
+    def _charts(self) -> list[DrawnChart]:
+        names_before = [] if self.parallel is None else [str(self.parallel.view().name)]
+        return fit_drawn_charts(search_charts(self.search.scene, self.search.generations), names_before)

@@ -9,8 +9,9 @@ from typing import Any, ClassVar, Protocol, runtime_checkable
 import rerun as rr
 import rerun.blueprint as rrb
 
-from paretoik.review.drawing.recording_layout import TEXT, text_view
-from paretoik.review.recording.recording_process import RecorderOptions
+from paretoik.review.drawing.layout import TEXT_ENTITY as TEXT
+from paretoik.review.drawing.layout import text_view
+from paretoik.review.recording.recorder import RecorderOptions
 
 
 @runtime_checkable

@@ -15,32 +15,298 @@ all others are kept.
 
 from __future__ import annotations
 
+import fcntl
+import json
 import os
+import pickle
+import select
+import signal
+import subprocess
 import sys
+import tempfile
+import time
+from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from io import BytesIO
 from pathlib import Path
-from typing import Any, ClassVar, Protocol, TypeAlias, runtime_checkable
+from types import MappingProxyType
+from typing import Any, ClassVar, Literal, NoReturn, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from paretoik.arrays import Ids, Objectives, Values
+from paretoik.errors import warn_user
 from paretoik.formulations.protocol import Timeline
-from paretoik.front.front import Choice, Front
-from paretoik.review.recording.least_violating import LeastViolating
-from paretoik.review.recording.recorded_point import RecordedPoint
-from paretoik.review.recording.recording_process import (
-    OPTIONS,
-    Opening,
-    RecorderOptions,
-    RecordingProcess,
-    cause_of,
-    part_of,
-)
-from paretoik.review.recording.workcell import Workcell
+from paretoik.front.choice import Choice
+from paretoik.front.front import Front
+from paretoik.review.recording.messages import LeastViolating, RecordedPoint, Workcell
 from paretoik.robot.arm import Arm
-from paretoik.user_warnings import warn_user
+from paretoik.runs.machine import child_command
+
+# The child process that records, as its parent sees it: messages go through a pipe, answers come back.
+#
+# The parent never waits: what the pipe does not take stays in a queue. The pipe is private to parent and child, so
+# its messages may be pickled; nothing is unpickled from files, and what the child answers is JSON.
+
+
+Kind = Literal["open", "record", "end"]
+HEADER = 8  # bytes before a message: its length, big end first
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecorderOptions:
+    """Patience with the child process, and bounds on queue and file.
+
+    ``start`` is how long [s] the child may take to begin (it loads Rerun), ``silence`` how long [s] it may leave
+    messages without an answer; a full or hanging disk is noticed by that. ``queue`` is how many bytes may wait for the
+    child and ``pipe`` how many of them in the kernel. Above ``size`` bytes of the file every second message of a series
+    is dropped, and at its end ``reserve`` bytes stay free on the disk: on a full one Rerun may hang. Of a front at most
+    ``points`` are drawn. What was recorded is written at least every ``flush`` [s], and whenever there are ``batch``
+    bytes of it: in memory Rerun's rows take many times their size, while writing fewer at a time makes a larger file.
+    Every ``tick`` [s] the child looks after its parent, the viewer, and what is not yet written; the run comes first by
+    so much ``niceness``.
+    """
+
+    start: float = 60.0
+    silence: float = 20.0
+    queue: int = 64_000_000
+    pipe: int = 1_000_000
+    size: int = 40_000_000
+    reserve: int = 2_000_000
+    points: int = 400
+    flush: float = 0.5
+    batch: int = 300_000
+    tick: float = 0.25
+    niceness: int = 5
+
+
+OPTIONS = RecorderOptions()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Opening:
+    """The first message: which file is to be written, how it is called, what it shows, and whether a viewer does.
+
+    ``run`` is the number of the process whose run is recorded.
+    """
+
+    file: str
+    title: str
+    scene: Any
+    live: bool
+    options: RecorderOptions
+    run: int = field(default_factory=os.getpid)
+
+
+class RecordingStoppedError(Exception):
+    """The child cannot go on; the text says why."""
+
+
+@dataclass(eq=False)
+class Frame:
+    """A message in the queue: its bytes, and its number in a series that may be thinned."""
+
+    content: memoryview
+    number: int | None = None
+
+
+class RecordingProcess:
+    """A child process that makes one recording; every method raises RecordingStoppedError once it cannot go on."""
+
+    def __init__(self, options: RecorderOptions, notify: Callable[[str], object]) -> None:
+        self.stride = 1
+        self._first: int | None = None
+        self._options, self._notify = options, notify
+        self._queue: deque[Frame] = deque()
+        self._offset, self._part = 0, b""  # bytes of the first message that are sent, of a line that has come
+        self._sent, self._answered, self.finished, self.stopped = 0, 0, False, False
+        self._full = False  # the pipe, when it was last written to
+        self._log = tempfile.TemporaryFile()  # noqa: SIM115  what the child has to say, should it die
+        self._child = subprocess.Popen(
+            child_command("paretoik.review.recording_child"),
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=self._log,
+            bufsize=0,
+            start_new_session=True,  # Ctrl-C in the terminal is for the run
+        )
+        assert self._child.stdin is not None
+        assert self._child.stdout is not None
+        self._input, self._output = self._child.stdin, self._child.stdout
+        for pipe in (self._input, self._output):
+            os.set_blocking(pipe.fileno(), False)
+        with suppress(AttributeError, OSError):  # where the system lets pipes grow
+            fcntl.fcntl(self._input, fcntl.F_SETPIPE_SZ, self._options.pipe)
+        self._patience, self._silent_since = self._options.start, time.monotonic()
+
+    def wants(self, number: int) -> bool:
+        """Say whether the message with a number belongs to those of its series that are kept."""
+        self._first = number if self._first is None else self._first
+        return (number - self._first) % self.stride == 0
+
+    def send(self, kind: Kind, message: Any, number: int | None = None) -> None:
+        """Queue a message, with its number if it may be dropped, and pass on what the pipe takes."""
+        content = pickle_message((kind, message, self.stride))
+        if self._answered == self._sent:
+            self._silent_since = time.monotonic()  # until now there was nothing to answer
+        self._queue.append(Frame(content, number))
+        self._sent += 1
+        while self._waiting > self._options.queue and self._thin(2 * self.stride):
+            pass
+        self.pump()
+
+    def pump(self) -> None:
+        """Write what the pipe takes and read what the child answers, without waiting."""
+        broken = not self._write()
+        self._read()
+        if self.finished:
+            return
+        if broken or self._child.poll() is not None:
+            self._fail(self._cause_of_death())
+        if self._answered < self._sent and time.monotonic() - self._silent_since > self._patience:
+            self._fail(f"the process that records gave no answer within {self._patience:g} s")
+
+    def complete(self, end: Any) -> None:
+        """Send what waits and the ``end``, if any, and wait until the child has completed the file."""
+        self.send("end", end)
+        while not self.finished:
+            select.select([self._output], [self._input] if self._queue else [], [], 0.2)
+            self.pump()
+
+    def stop(self) -> None:
+        """End the child: at once, unless it has completed the file."""
+        if self.stopped:
+            return
+        self.stopped = True
+        try:
+            if not self.finished:
+                self._child.kill()
+            self._child.wait(self._options.silence if self.finished else 1.0)
+        except subprocess.TimeoutExpired:  # the system does not let it go, as on a disk that hangs
+            self._child.kill()
+        finally:
+            self._input.close()
+            self._output.close()
+            self._log.close()
+
+    @property
+    def _waiting(self) -> int:
+        """Bytes in the queue."""
+        return sum(len(frame.content) for frame in self._queue)
+
+    def _thin(self, stride: int) -> bool:
+        """Keep every ``stride``-th message of a series from now on, in the queue too; say whether it became shorter.
+
+        The newest stays, and what is on its way already.
+        """
+        self.stride = max(self.stride, stride)
+        remaining = [
+            frame
+            for place, frame in enumerate(self._queue)
+            if frame.number is None
+            or self.wants(frame.number)
+            or place == len(self._queue) - 1
+            or (place == 0 and self._offset)
+        ]
+        dropped = len(self._queue) - len(remaining)
+        self._queue = deque(remaining)
+        self._sent -= dropped
+        return dropped > 0
+
+    def _write(self) -> bool:
+        """Write what the pipe takes; say whether the child can still read."""
+        while self._queue:
+            content = self._queue[0].content
+            try:
+                self._offset += os.write(self._input.fileno(), content[self._offset :])
+            except BlockingIOError:
+                self._full = True
+                return True
+            except OSError:
+                return False
+            if self._full:  # it was read from since, and what has not come whole has no answer
+                self._full, self._silent_since = False, time.monotonic()
+            if self._offset == len(content):
+                self._queue.popleft()
+                self._offset = 0
+        return True
+
+    def _read(self) -> None:
+        """Take in the answers of the child, a line of JSON each."""
+        while True:
+            try:
+                content = os.read(self._output.fileno(), 65_536)
+            except BlockingIOError:
+                break
+            if not content:
+                break
+            self._part += content
+        *lines, self._part = self._part.split(b"\n")
+        for line in lines:
+            self._take(json.loads(line))
+
+    def _take(self, answer: dict[str, Any]) -> None:
+        self._silent_since, self._patience = time.monotonic(), self._options.silence
+        self._answered += answer.get("done", 0)
+        self._thin(answer.get("stride", 1))
+        if "notice" in answer:
+            self._notify(answer["notice"])
+        if "failed" in answer:
+            self._fail(answer["failed"])
+        self.finished = self.finished or "finished" in answer
+
+    def _fail(self, cause: str) -> NoReturn:
+        self.stop()
+        raise RecordingStoppedError(cause)
+
+    def _cause_of_death(self) -> str:
+        """Return the last line that the child left on stderr, or how it ended."""
+        with suppress(subprocess.TimeoutExpired):
+            self._child.wait(1.0)
+        self._log.seek(0)
+        lines = self._log.read().decode(errors="replace").strip().splitlines()
+        if self._child.returncode is not None and self._child.returncode < 0:
+            return f"the process that records was ended by {signal.Signals(-self._child.returncode).name}"
+        return lines[-1] if lines else "the process that records ended"
+
+
+class _Pickler(pickle.Pickler):
+    """Pickles mappings that cannot be changed, too."""
+
+    def reducer_override(self, value: Any) -> Any:
+        """Return how to make such a mapping again."""
+        return (read_only, (dict(value),)) if isinstance(value, MappingProxyType) else NotImplemented
+
+
+def read_only(mapping: dict[Any, Any]) -> MappingProxyType[Any, Any]:
+    """Return a mapping that cannot be changed."""
+    return MappingProxyType(mapping)
+
+
+def pickle_message(message: Any) -> memoryview:
+    """Return the length of a message, and the message."""
+    content = BytesIO(bytes(HEADER))
+    content.seek(HEADER)
+    _Pickler(content, protocol=5).dump(message)
+    frame = content.getbuffer()
+    frame[:HEADER] = (len(frame) - HEADER).to_bytes(HEADER)
+    return frame
+
+
+def part_of(file: Path, run: int) -> Path:
+    """Return where the child of a process writes the new content of a file, before it replaces it."""
+    return file.with_name(f".{file.name}.{run}")
+
+
+def cause_of(fault: Exception) -> str:
+    """Return in a line what went wrong."""
+    if isinstance(fault, OSError) and fault.strerror:
+        return fault.strerror
+    return (str(fault).splitlines() or [type(fault).__name__])[0]
+
 
 Population: TypeAlias = Float[np.ndarray, "individuals n_obj"]
 
@@ -108,7 +374,7 @@ class SearchedFront:
     ``workcell`` is where its motions are drawn, None where a problem has none.
     """
 
-    drawn_by: ClassVar[str] = "paretoik.review.drawing.recording:Recording"
+    drawn_by: ClassVar[str] = "paretoik.review.drawing.search_drawing:Recording"
     names: tuple[str, ...]
     units: tuple[str, ...]
     maximised: tuple[bool, ...]

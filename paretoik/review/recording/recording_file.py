@@ -19,7 +19,7 @@ from typing import Any, Protocol, runtime_checkable
 import rerun as rr
 
 from paretoik.review.recording.live_view import LiveView
-from paretoik.review.recording.recording_process import Opening, RecorderOptions, part_of
+from paretoik.review.recording.recorder import Opening, RecorderOptions, part_of
 
 
 @runtime_checkable

@@ -15,8 +15,8 @@ import numpy as np
 
 import paretoik as pk
 from paretoik.errors import ParetoikError
-from paretoik.self_motion.motion_starts import rollout_starts
 from paretoik.task.motion_task import MotionTask
+from paretoik.task.starts import rollout_starts
 from paretoik.trajectory.plan_starts import sample_starts
 from studies.benchmarks.basins.cases import Case, all_cases
 from studies.benchmarks.certified.dominating import led_back, objectives, violation

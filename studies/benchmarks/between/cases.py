@@ -10,8 +10,8 @@ from jaxtyping import Float
 
 import paretoik as pk
 from paretoik.errors import Infeasible, InvalidInput, OutOfReach, SolverFailed
-from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.minimise import minimise
+from paretoik.nlp.program import InteriorPointOptions
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective

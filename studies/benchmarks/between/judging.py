@@ -14,7 +14,7 @@ import numpy as np
 
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.spline import Derivatives
+from paretoik.task.sampling import Derivatives
 
 FINER = 50
 STEP = 1 / 40  # of an interval: four of them fit into half of it

@@ -9,8 +9,8 @@ from itertools import permutations
 import numpy as np
 
 from paretoik.nlp.minimise import minimise
-from paretoik.nlp.solutions import Solutions
-from paretoik.pareto.epsilon_options import OPTIONS as EPSILON
+from paretoik.nlp.program import Solutions
+from paretoik.pareto.sweep import OPTIONS as EPSILON
 from paretoik.trajectory.program import joint_distance
 from studies.benchmarks.certified.cases import Subject, goal_row
 from studies.reporting import Row

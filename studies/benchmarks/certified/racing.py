@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from paretoik.nlp.minimise import minimise
-from paretoik.pareto.epsilon_options import OPTIONS as EPSILON
+from paretoik.pareto.sweep import OPTIONS as EPSILON
 from studies.benchmarks.certified.cases import HOLDS, Subject
 from studies.benchmarks.certified.dominating import DOMINATED, led_back, objectives, violation
 from studies.benchmarks.certified.staged import StagedProgram

@@ -13,10 +13,10 @@ import casadi
 import numpy as np
 from casadi import SX, vertcat
 
-from paretoik.robot.scales import joint_scales
+from paretoik.robot.kinematics import joint_scales
 from paretoik.task.joint_curve import target_rates
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.spline import evaluate_with_midpoints, fit_spline
+from paretoik.task.sampling import evaluate_with_midpoints, fit_spline
 from studies.benchmarks.fronts.programs import (
     JointProgram,
     at_sample,

@@ -14,7 +14,7 @@ from pymoo.optimize import minimize
 
 from paretoik.autodiff.interpreter import run_first
 from paretoik.closed_loop.control_step import StepState
-from paretoik.closed_loop.extended_jacobian import decode
+from paretoik.closed_loop.engine import decode
 from paretoik.formulations.closed_loop import ClosedLoop
 from problems import marcos_2012
 from problems.marcos_2012 import Links

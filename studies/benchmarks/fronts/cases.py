@@ -14,8 +14,8 @@ from moocore import is_nondominated
 import paretoik as pk
 from paretoik.arrays import Genes, Objectives
 from paretoik.search.endings import Progress
+from paretoik.search.genes import seeded_population
 from paretoik.search.maximin import survivors
-from paretoik.search.seeding import seeded_population
 from problems import panda, tringali_2020
 
 Kind: TypeAlias = Literal["evaluations", "CPU time"]

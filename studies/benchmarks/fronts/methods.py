@@ -25,12 +25,11 @@ from paretoik.nlp.minimise import minimise
 from paretoik.pareto.refine import OPTIONS as REFINE
 from paretoik.search.archive import Archive
 from paretoik.search.ask_tell import Search
-from paretoik.search.constraints import violations
 from paretoik.search.endings import Progress
 from paretoik.search.evolution import evolve
-from paretoik.search.mating import BranchwiseMating
-from paretoik.search.nsga2 import MaxiMinNSGA2
-from paretoik.search.smooth_operators import Differential, SmoothMutation
+from paretoik.search.nsga2 import BranchwiseMating, MaxiMinNSGA2
+from paretoik.search.objectives import violations
+from paretoik.search.operators import Differential, SmoothMutation
 from paretoik.trajectory.transcription import motion_program
 from studies.benchmarks.fronts.cases import POPULATION, Account, Budget, Run, Spent, first_genes, spread, verify
 from studies.benchmarks.pymoo_peers import pymoo_algorithm

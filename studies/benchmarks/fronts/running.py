@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from paretoik.distribution import Executor
+from paretoik.runs.distribution import Executor
 from studies.benchmarks.fronts.cases import CASES, POPULATION, Budget, Kind, Run, problem_of
 from studies.benchmarks.fronts.methods import CELLS, OURS, PLAIN, PYGMO, PYMOO, cell_run, ours, pygmo_run, pymoo_run
 from studies.benchmarks.fronts.sweeps import OURS as EPSILON

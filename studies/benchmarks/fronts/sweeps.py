@@ -17,7 +17,7 @@ import numpy as np
 
 import paretoik as pk
 from paretoik.nlp.minimise import minimise
-from paretoik.pareto.epsilon_options import OPTIONS as EPSILON
+from paretoik.pareto.sweep import OPTIONS as EPSILON
 from paretoik.trajectory.transcription import motion_program
 from studies.benchmarks.fronts.cases import CASES, Account, Budget, Run, first_genes, problem_of, verify
 from studies.benchmarks.fronts.programs import JointProgram, compiled_program, joint_program

@@ -11,10 +11,9 @@ from pymoo.operators.mutation.bitflip import BitflipMutation
 from pymoo.operators.sampling.rnd import BinaryRandomSampling
 
 from paretoik.arrays import Genes
+from paretoik.search.genes import has_real_genes, seeded_population
 from paretoik.search.maximin import MaxiMin
 from paretoik.search.nsga2 import MaxiMinNSGA2
-from paretoik.search.seeding import seeded_population
-from paretoik.search.variables import has_real_genes
 from studies.benchmarks.maximin.cases import POPULATION, Case
 from studies.benchmarks.pymoo_peers import PEERS, pymoo_algorithm
 

@@ -10,8 +10,8 @@ import numpy as np
 import pymoo
 
 import paretoik.search
-from paretoik.file_replacement import replace_file
 from paretoik.front.storage import array_bytes
+from paretoik.runs.file_replacement import replace_file
 from studies.benchmarks.maximin.methods import BOXED, ONE_LINE, OURS
 from studies.benchmarks.maximin.single_run import Run
 

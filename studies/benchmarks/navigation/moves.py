@@ -12,8 +12,7 @@ from paretoik.errors import Infeasible
 from paretoik.formulations.navigation import natural_weights
 from paretoik.formulations.protocol import Differentiable
 from paretoik.nlp.program import Program
-from paretoik.pareto.goals import Aim, Wish
-from paretoik.pareto.navigation import FrontPoints, reach
+from paretoik.pareto.navigation import Aim, FrontPoints, Wish, reach
 from studies.benchmarks.navigation.cases import Peer
 from studies.benchmarks.navigation.options import OPTIONS
 from studies.benchmarks.navigation.tally import Tally, Try

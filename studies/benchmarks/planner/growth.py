@@ -7,8 +7,8 @@ from functools import partial
 
 import numpy as np
 
-from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.minimise import minimise
+from paretoik.nlp.program import InteriorPointOptions
 from paretoik.trajectory.plan_starts import initial_motions
 from paretoik.trajectory.transcription import motion_program
 from studies.benchmarks.planner.peers import TOLERANCE, Question, peer, task_of

@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.minimise import minimise
-from paretoik.self_motion.motion_starts import OPTIONS as STARTS
+from paretoik.nlp.program import InteriorPointOptions
 from paretoik.task.motion_task import MotionTask
+from paretoik.task.starts import MOTION_OPTIONS as STARTS
 from paretoik.trajectory.grid_oracle import grid_oracle
 from paretoik.trajectory.levels import OPTIONS
 from paretoik.trajectory.plan import Plan

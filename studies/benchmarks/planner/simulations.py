@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 import paretoik as pk
-from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.minimise import minimise
+from paretoik.nlp.program import InteriorPointOptions
 from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.levels import OPTIONS, objective_scales
 from paretoik.trajectory.plan import Plan

@@ -29,7 +29,7 @@ from pathlib import Path
 
 import numpy as np
 
-from paretoik.execution.blas_threads import single_blas_thread
+from paretoik.runs.machine import single_blas_thread
 from studies.benchmarks.planner.verdicts import LOSS, losses_first, timed
 from studies.benchmarks.refinement.cases import CASES, Contest, Solve
 from studies.benchmarks.refinement.counts import count_rows, time_left_rows

@@ -12,10 +12,9 @@ import numpy as np
 
 import paretoik as pk
 from paretoik.nlp import sqp
+from paretoik.nlp.convex_subproblem import solve_with_cvxpy
 from paretoik.nlp.minimise import minimise
-from paretoik.nlp.program import Program, Solver
-from paretoik.nlp.solutions import CONVERGED
-from paretoik.nlp.subproblem import solve_with_cvxpy
+from paretoik.nlp.program import CONVERGED, Program, Solver
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective
 from paretoik.trajectory.plan_starts import sample_starts

@@ -20,9 +20,8 @@ import numpy as np
 import paretoik as pk
 from paretoik.api.progress import Observer, RunProgress
 from paretoik.compilation_notices import computing_clock
-from paretoik.nlp.canonical import CanonicalForm
+from paretoik.nlp.convex_subproblem import CanonicalForm, ConvexSubproblem
 from paretoik.nlp.criticality import criticality
-from paretoik.nlp.subproblem import ConvexSubproblem
 from paretoik.pareto import certificates
 from problems import panda, tringali_2020
 from studies.benchmarks.planner.verdicts import timed

@@ -13,7 +13,7 @@ from jaxtyping import Float
 from scipy import sparse
 from scipy.optimize import Bounds, NonlinearConstraint, minimize
 
-from paretoik.nlp.dense import DenseProgram
+from paretoik.nlp.dense.dense_program import DenseProgram
 from paretoik.task.motion_task import MotionTask
 from studies.benchmarks.fronts.programs import state_program
 

@@ -26,7 +26,7 @@ from pathlib import Path
 
 import numpy as np
 
-from paretoik.run_files import CHECKPOINT, JOURNAL
+from paretoik.runs.files import CHECKPOINT, JOURNAL
 from studies.benchmarks.reliability.full_disk import (
     SmallDisk,
     disk_sizes,

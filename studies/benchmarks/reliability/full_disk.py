@@ -14,7 +14,7 @@ from typing import Literal
 
 import numpy as np
 
-from paretoik.execution.reserved_space import OPTIONS as RESERVED
+from paretoik.runs.folder import OPTIONS as RESERVED
 from studies.benchmarks.checkouts import ROOT
 from studies.benchmarks.reliability.kills import COMMANDS, result_of
 

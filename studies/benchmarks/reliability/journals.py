@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from paretoik.errors import InvalidRun
-from paretoik.journal import HEAD, LENGTH, MARK, Journal
-from paretoik.run_files import CHECKPOINT, JOURNAL
+from paretoik.runs.files import CHECKPOINT, JOURNAL
+from paretoik.runs.journal import HEAD, LENGTH, MARK, Journal
 
 LENGTH_SIZE = 8  # bytes of the length of a payload
 

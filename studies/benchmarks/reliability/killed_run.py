@@ -28,7 +28,7 @@ from typing import Any, get_args
 import numpy as np
 
 from paretoik.api.initial import INITIAL
-from paretoik.journal import Journal
+from paretoik.runs.journal import Journal
 from studies.benchmarks.reliability.phases import FilePhase, Phase
 
 

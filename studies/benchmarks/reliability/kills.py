@@ -18,8 +18,8 @@ from typing import Any, Literal
 import numpy as np
 import pyarrow.parquet as pq
 
-from paretoik.file_replacement import without_writers
-from paretoik.run_files import MOTIONS, OPTIMA, RUN, TABLE, can_resume
+from paretoik.runs.file_replacement import without_writers
+from paretoik.runs.files import MOTIONS, OPTIMA, RUN, TABLE, can_resume
 from studies.benchmarks.checkouts import ROOT
 from studies.benchmarks.reliability.journals import damage
 from studies.benchmarks.reliability.phases import Phase

@@ -22,8 +22,8 @@ import numpy as np
 
 import paretoik as pk
 from paretoik.errors import ParetoikError
-from paretoik.run_files import has_result
-from paretoik.user_functions import cause_of
+from paretoik.inputs import cause_of
+from paretoik.runs.files import has_result
 
 ESCAPE = "\x1b[31m\x1b]0;title\x07"
 LINE, SECONDS, LIMIT, SLEEP = 400, 180.0, 0.5, 600.0  # characters of a message; s until an end, limit given, asleep

@@ -25,9 +25,9 @@ import cloudpickle
 import numpy as np
 
 import paretoik as pk
-from paretoik.execution.cluster import Cluster
-from paretoik.execution.cluster_options import OPTIONS as CLUSTER
-from paretoik.execution.shipping import pickled
+from paretoik.runs.cluster import Cluster
+from paretoik.runs.cluster_scheduler import OPTIONS as CLUSTER
+from paretoik.runs.distribution import pickled
 from studies.benchmarks.scaling.local_cluster import LocalCluster, local_cluster
 from studies.benchmarks.scaling.model import Overheads, fit_waiting
 from studies.benchmarks.scaling.runs import Spent, compute_here, compute_there, measuring, run_there

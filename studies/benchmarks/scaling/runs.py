@@ -8,8 +8,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
-from paretoik.distribution import Function, distribute, distributing
-from paretoik.execution.cluster import Cluster
+from paretoik.runs.cluster import Cluster
+from paretoik.runs.distribution import Function, distribute, distributing
 from studies.benchmarks.scaling.local_cluster import LocalCluster
 
 

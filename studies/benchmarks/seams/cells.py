@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import paretoik as pk
-from paretoik.robot.arm_inputs import JointType
+from paretoik.robot.body import JointType
 from studies.benchmarks.seams.inverse_kinematics import (
     IIWA_LENGTHS,
     IRB_2400,

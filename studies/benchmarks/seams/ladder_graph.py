@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from paretoik.compilation import compiled
+from paretoik.compilation.numba_cache import compiled
 from studies.benchmarks.seams.cells import Cell
 
 Cost = Literal["joint travel", "joint rates"]

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from paretoik.capability.actuation import DistributedActuation
+from paretoik.capability.actuation import SHAPES, DistributedActuation, MotorCurve
 from paretoik.capability.joint_capability import joint_speeds, torque_capacity
-from paretoik.capability.motor_curves import SHAPES, MotorCurve
 from paretoik.errors import InvalidInput
 
 PLACES = 4001

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.capability.motor_curves import SHAPES
+from paretoik.capability.actuation import SHAPES
 from paretoik.errors import Infeasible
 
 AROUND = 4000

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from paretoik.errors import Infeasible, InvalidInput
-from paretoik.front.compromise import Compromise
 from paretoik.front.front import Front, Preference
 from paretoik.front.preferences import Aspiration, Bounds, Classify, Lexicographic, Robust, Weights
+from paretoik.front.preferences.compromise import Compromise
 from tests.front.preferences import brute_force
 from tests.front.random_fronts import random_front
 

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from paretoik.nlp.compiled.bordered_cholesky import factorise, solve, solve_columns
+from paretoik.nlp.banded.cholesky import factorise, solve, solve_columns
 
 dimensions = st.tuples(st.integers(1, 12), st.integers(1, 4), st.integers(0, 3), st.integers(0, 10_000))
 

@@ -7,11 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from paretoik.compilation import compiled
-from paretoik.compilation_references import keep, refer
-from paretoik.nlp.compiled import dense_restoration, kernel_steps
-from paretoik.nlp.dense_arrays import dense_kernel
-from paretoik.nlp.traced import trace_rows
+from paretoik.compilation.array_tuples import keep, refer
+from paretoik.compilation.numba_cache import compiled
+from paretoik.nlp.banded import kernel as kernel_steps
+from paretoik.nlp.dense.dense_arrays import dense_kernel
+from paretoik.nlp.dense.dense_program import dense_rows as dense_restoration
+from paretoik.nlp.dense.dense_program import trace_rows
 
 
 @compiled

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from paretoik.nlp.compiled import elastic
-from paretoik.nlp.interior_point_options import InteriorPointOptions
+from paretoik.nlp.banded import elastic
+from paretoik.nlp.program import InteriorPointOptions
 
 exponents = st.floats(-12, 0)
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from paretoik.nlp.compiled import householder
+from paretoik.nlp import linear_algebra as householder
 
 shapes = st.integers(1, 7).flatmap(lambda n: st.tuples(st.integers(1, n), st.just(n)))
 seeds = st.integers(0, 10_000)

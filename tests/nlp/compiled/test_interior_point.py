@@ -9,11 +9,9 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from paretoik.nlp.compiled.interior_point import minimise
-from paretoik.nlp.dense import DenseProgram
-from paretoik.nlp.interior_point_options import InteriorPointOptions
-from paretoik.nlp.solutions import CONVERGED, ITERATION_LIMIT, NOT_FINITE
-from paretoik.nlp.traced import trace_rows
+from paretoik.nlp.banded.interior_point import minimise
+from paretoik.nlp.dense.dense_program import DenseProgram, trace_rows
+from paretoik.nlp.program import CONVERGED, ITERATION_LIMIT, NOT_FINITE, InteriorPointOptions
 from paretoik.stop_flag import STOP
 
 OPTIONS = InteriorPointOptions(barrier=1e-2, iterations=300)

@@ -6,8 +6,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from paretoik.nlp.compiled.line_search import _filter_accepts
-from paretoik.nlp.interior_point_options import InteriorPointOptions
+from paretoik.nlp.banded.interior_point import _filter_accepts
+from paretoik.nlp.program import InteriorPointOptions
 
 OPTIONS = InteriorPointOptions()
 

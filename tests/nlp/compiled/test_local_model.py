@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.nlp.compiled.local_model import first_order
+from paretoik.nlp.parametric_qp.local_model import first_order
 from paretoik.trajectory.plan_starts import sample_starts
 from paretoik.trajectory.transcription import motion_program
 from tests.pareto.sketches import ellipses, placed, sketched

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from paretoik.nlp.compiled.augmented_hessian import AugmentationOptions
-from paretoik.nlp.compiled.parametric_qp import QpOptions, solve_from
+from paretoik.nlp.parametric_qp.solution import QpOptions, solve_from
+from paretoik.nlp.parametric_qp.working_set import AugmentationOptions
 
 
 def solved(H, g, A, c, y, *, band=None, border=0, dense=0):

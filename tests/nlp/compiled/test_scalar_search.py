@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from paretoik.compilation import compiled, inlined
-from paretoik.nlp.compiled.scalar_search import bisect, golden_section
+from paretoik.capability.actuator_kernels import bisect, golden_section
+from paretoik.compilation.numba_cache import compiled, inlined
 
 
 @inlined

@@ -7,7 +7,7 @@ import pytest
 
 import paretoik as pk
 from paretoik.capability import JointActuation, MotorCurve
-from paretoik.review.drawing.drawn_axes import TEXT, text_width
+from paretoik.review.drawing.axes import TEXT, text_width
 from tests.api.problems import PATH
 from tests.capability.test_geodesic import Even
 from tests.review.reading import SECOND, blank_views, last_text, missing_entities, read, rows, static_words, views

@@ -8,8 +8,8 @@ import rerun as rr
 from hypothesis import given
 from hypothesis import strategies as st
 
-from paretoik.review.drawing.curve_charts import Chart, _spread_labels
-from paretoik.review.drawing.drawn_axes import TEXT
+from paretoik.review.drawing.axes import TEXT
+from paretoik.review.drawing.charts import Chart, _spread_labels
 from paretoik.review.palette import SCREEN
 from tests.review.reading import read, static_values
 

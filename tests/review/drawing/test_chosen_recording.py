@@ -13,10 +13,10 @@ import pytest
 import rerun as rr
 
 import paretoik as pk
-from paretoik.execution.run_folder import lock_folder
-from paretoik.review.drawing.recorded_views import ROOTS, read_recorded
+from paretoik.review.drawing.choice_layer import ROOTS, read_recorded
 from paretoik.review.recording.viewer import private_environment
-from paretoik.run_files import RECORDING, RUN, read_run
+from paretoik.runs.files import RECORDING, RUN, read_run
+from paretoik.runs.folder import lock_folder
 from tests.review.disks import small_disk
 from tests.review.reading import read, static_values, views
 

@@ -7,11 +7,10 @@ import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
-from paretoik.review.drawing.curve_charts import Chart, LimitLine, fit_below_tabs
-from paretoik.review.drawing.joint_charts import joint_charts
-from paretoik.review.drawing_options import VIEWS
-from paretoik.review.palette import SCREEN
-from paretoik.review.recording.workcell import Workcell
+from paretoik.review.drawing.charts import Chart, LimitLine, fit_below_tabs
+from paretoik.review.drawing.motion import joint_charts
+from paretoik.review.palette import SCREEN, VIEWS
+from paretoik.review.recording.messages import Workcell
 from paretoik.robot.arms import marcos_nr, tringali_3r
 from paretoik.task.limits import LIMITED
 from paretoik.task.motion import Motion

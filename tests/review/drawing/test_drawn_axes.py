@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from paretoik.review.drawing.curve_charts import _spread_labels
-from paretoik.review.drawing.drawn_axes import TEXT, Canvas, equal_window, nice_ticks, text_width, window
+from paretoik.review.drawing.axes import TEXT, Canvas, equal_window, nice_ticks, text_width, window
+from paretoik.review.drawing.charts import _spread_labels
 
 
 @given(st.floats(-1e6, 1e6), st.floats(1e-6, 1e6), st.integers(2, 8))

@@ -7,7 +7,7 @@ from itertools import chain, combinations
 import numpy as np
 import pytest
 
-from paretoik.review.drawing.drawn_axes import TEXT
+from paretoik.review.drawing.axes import TEXT
 from paretoik.review.drawing.front_panels import Panels
 from tests.review.view_sizes import label_halves
 

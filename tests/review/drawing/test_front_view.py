@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from paretoik.errors import Infeasible, InvalidInput
-from paretoik.review.drawing.parallel_axes import drawn_rows
+from paretoik.review.drawing.axes import drawn_rows
 from paretoik.robot.kinematics import link_nodes
 from paretoik.task.motion import Motion
 from tests.review.reading import read, rows

@@ -10,10 +10,9 @@ import pytest
 import rerun as rr
 
 import paretoik as pk
-from paretoik.front.compromise import compromise
-from paretoik.review.drawing.finished_plan import FinishedPlan
-from paretoik.review.recording.planned import PlannedLevel, PlannedMotions, PlannedScene
-from paretoik.review.recording.workcell import workcell_of
+from paretoik.front.preferences.compromise import compromise
+from paretoik.review.drawing.plan_drawing import FinishedPlan
+from paretoik.review.recording.messages import PlannedLevel, PlannedMotions, PlannedScene, workcell_of
 from tests.review.children import children
 from tests.review.reading import (
     SECOND,

@@ -10,20 +10,20 @@ import rerun as rr
 from hypothesis import given
 from hypothesis import strategies as st
 
-from paretoik.review.drawing.drawn_axes import TEXT, Canvas
-from paretoik.review.drawing.label_places import (
+from paretoik.review.drawing.axes import TEXT, Canvas
+from paretoik.review.drawing.front_panels import LAYERS, log_ends, ring_radii
+from paretoik.review.drawing.labels import (
+    half_size,
     joined_label,
     joined_label_place,
     label_place,
     line_points,
+    plate_half,
     separate_label_places,
 )
-from paretoik.review.drawing.label_sizes import half_size, plate_half
-from paretoik.review.drawing.panel_marks import log_ends, ring_radii
-from paretoik.review.drawing.search_layers import LAYERS
-from paretoik.review.drawing_options import MARKS
-from paretoik.review.label_candidates import NO_LINES, count_crossed, count_touched
-from paretoik.review.recording.recorded_point import RecordedPoint
+from paretoik.review.outlines import NO_LINES, count_crossed, count_touched
+from paretoik.review.palette import MARKS
+from paretoik.review.recording.messages import RecordedPoint
 from tests.review.reading import read, rows
 
 CANVAS = Canvas(low=np.zeros(2), high=np.array([500.0, 390.0]), labels=("x", "y"))

@@ -8,11 +8,10 @@ from typing import get_args
 import pytest
 
 from paretoik.formulations.protocol import Timeline
-from paretoik.review.drawing.legend_entries import search_entries
-from paretoik.review.drawing.search_scene import SearchScene
-from paretoik.review.drawing.step_scene import ENTRIES
-from paretoik.review.drawing_options import MARKS
-from paretoik.review.palette import SCREEN
+from paretoik.review.drawing.loop_drawing import ENTRIES
+from paretoik.review.drawing.scatter import SearchScene
+from paretoik.review.drawing.search_charts import search_entries
+from paretoik.review.palette import MARKS, SCREEN
 
 
 @pytest.mark.parametrize("timeline", get_args(Timeline))

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from paretoik.review.drawing.drawn_axes import TEXT, Canvas, text_width
-from paretoik.review.drawing.panel_lines import bounds_in
+from paretoik.review.drawing.axes import TEXT, Canvas, text_width
+from paretoik.review.drawing.front_panels import bounds_in
 
 NAMES = (("energy", "J s"), ("torque", "N²m²s"))
 shares = st.floats(0.0, 1.0)

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 import rerun as rr
 
-from paretoik.review.drawing.drawn_axes import TEXT
-from paretoik.review.drawing.legend import BULLET
-from paretoik.review.drawing.parallel_axes import ParallelAxes
+from paretoik.review.drawing.axes import TEXT, ParallelAxes
+from paretoik.review.drawing.layout import BULLET
 from tests.review.reading import read, static_values, static_words
 
 

@@ -7,11 +7,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from paretoik.review.drawing.front_panels import LAYERS
 from paretoik.review.drawing.plan_panel import PlanPanel
-from paretoik.review.drawing.search_layers import LAYERS
-from paretoik.review.recording.planned import PlannedLevel, PlannedMotions, PlannedOptimum, PlannedScene
-from paretoik.review.recording.recorded_point import RecordedPoint
-from paretoik.review.recording.workcell import Workcell
+from paretoik.review.recording.messages import (
+    PlannedLevel,
+    PlannedMotions,
+    PlannedOptimum,
+    PlannedScene,
+    RecordedPoint,
+    Workcell,
+)
 from tests.review.conftest import swinging_arm
 
 SCENE = PlannedScene(name="energy", unit="J s", maximised=False, workcell=Workcell(arm=swinging_arm(False)))

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from paretoik.review.drawing.plan_text import optimum_text, plan_end_text
-from paretoik.review.recording.planned import PlanEnd, PlannedOptimum, PlannedScene
-from paretoik.review.recording.recorded_point import RecordedMotion, RecordedPoint
-from paretoik.review.recording.workcell import Workcell
+from paretoik.review.drawing.plan_drawing import optimum_text, plan_end_text
+from paretoik.review.recording.messages import (
+    PlanEnd,
+    PlannedOptimum,
+    PlannedScene,
+    RecordedMotion,
+    RecordedPoint,
+    Workcell,
+)
 from tests.review.conftest import swinging_arm
 
 TIME = np.linspace(0.0, 1.0, 5)

@@ -10,13 +10,13 @@ import rerun as rr
 
 from paretoik.front.certificates import Certificates
 from paretoik.front.front import Front
-from paretoik.review.drawing.drawn_axes import TEXT, text_width
+from paretoik.review.drawing.axes import TEXT, text_width
 from paretoik.review.drawing.point_text import better_but_infeasible, point_text, text_of
+from paretoik.review.drawing.scatter import SearchScene
 from paretoik.review.drawing.search_charts import search_charts
-from paretoik.review.drawing.search_scene import SearchScene
-from paretoik.review.recording.recorded_point import RecordedPoint
+from paretoik.review.recording.messages import RecordedPoint
 from paretoik.review.recording.recorder import Generation
-from paretoik.review.run_words import run_text
+from paretoik.review.words import run_text
 from tests.review.reading import read, rows
 
 

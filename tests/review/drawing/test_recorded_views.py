@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from paretoik.review.drawing.recorded_views import read_recorded
+from paretoik.review.drawing.choice_layer import read_recorded
 from paretoik.task.limits import JOINT_UNITS
 from tests.review.reading import blank_views, first_instants, read, static_values
 from tests.review.view_sizes import layout_parts, tabs_of_charts, touching_words

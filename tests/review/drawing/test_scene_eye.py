@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from paretoik.review.drawing.scene_eye import fitting_eye, half_view
+from paretoik.review.drawing.space import fitting_eye, half_view
 
 
 def seen_at(points: np.ndarray) -> np.ndarray:

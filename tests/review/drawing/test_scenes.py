@@ -9,16 +9,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import paretoik as pk
-from paretoik.front.compromise import compromise
-from paretoik.review.drawing.chosen_recording import recording_with_choice
-from paretoik.review.drawing.drawn_axes import TEXT, text_width
-from paretoik.review.drawing.joint_charts import limit_lines
-from paretoik.review.drawing.label_sizes import below_first, half_size, plate_half
-from paretoik.review.drawing.recorded_views import read_recorded
-from paretoik.review.drawing_options import MARKS
-from paretoik.review.palette import SCREEN
-from paretoik.review.recording.recorded_point import record_motion
-from paretoik.review.recording.workcell import workcell_of
+from paretoik.front.preferences.compromise import compromise
+from paretoik.review.drawing.axes import TEXT, text_width
+from paretoik.review.drawing.choice_layer import read_recorded, recording_with_choice
+from paretoik.review.drawing.labels import below_first, half_size, plate_half
+from paretoik.review.drawing.motion import limit_lines
+from paretoik.review.palette import MARKS, SCREEN
+from paretoik.review.recording.messages import record_motion, workcell_of
 from problems.kim_2021 import directions_dam, point_to_point_dam
 from problems.marcos_2012 import loop
 from tests.review.reading import (

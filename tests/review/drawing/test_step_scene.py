@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 import rerun as rr
 
-from paretoik.review.drawing.search_scene import SearchScene
-from paretoik.review.drawing.step_scene import StepScene
-from paretoik.review.drawing_options import MARKS
-from paretoik.review.palette import SCREEN
+from paretoik.review.drawing.loop_drawing import StepScene
+from paretoik.review.drawing.scatter import SearchScene
+from paretoik.review.palette import MARKS, SCREEN
 from paretoik.review.recording.recorder import SearchedStep
 from tests.review.conftest import swinging_arm
 from tests.review.reading import last_text, read, rows, static_words

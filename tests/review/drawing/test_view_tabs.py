@@ -7,8 +7,8 @@ import rerun.blueprint as rrb
 from hypothesis import given
 from hypothesis import strategies as st
 
-from paretoik.review.drawing.view_tabs import fitting_tabs
-from paretoik.review.drawing_options import VIEWS
+from paretoik.review.drawing.layout import fitting_tabs
+from paretoik.review.palette import VIEWS
 
 SEARCH = ["parallel coordinates", "hypervolume", "best kinetic_energy [J s]", "best torque_norm [N²m²s]"]
 SEARCH += ["best obstacle_clearance [m] ↑", "front points, failures"]

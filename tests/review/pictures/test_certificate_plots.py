@@ -8,7 +8,7 @@ from PIL import Image
 
 from paretoik.errors import InvalidInput
 from paretoik.front.certificates import Certificates
-from paretoik.review.pictures.certificate_plots import certificates_picture
+from paretoik.review.pictures.certificates import certificates_picture
 
 
 def certified(front, statuses):

@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 from paretoik.front.comparison import Comparison
-from paretoik.review.pictures.comparison_plots import _staircase, comparison_picture
+from paretoik.review.pictures.fronts import _staircase, comparison_picture
 
 
 @pytest.mark.parametrize("n_obj", [1, 2, 3, 5])

@@ -12,12 +12,12 @@ from PIL import Image
 
 import paretoik as pk
 from paretoik.errors import InvalidInput
-from paretoik.front.compromise import compromise
 from paretoik.front.front import Front
 from paretoik.front.preferences import Weights
+from paretoik.front.preferences.compromise import compromise
 from paretoik.review.palette import PAPER
-from paretoik.review.pictures.certificate_plots import certificates_picture
-from paretoik.review.pictures.plots import _highlights, front_picture, stroboscopic
+from paretoik.review.pictures.certificates import certificates_picture
+from paretoik.review.pictures.fronts import _highlights, front_picture, stroboscopic
 from tests.review.pictures.test_certificate_plots import certified
 
 

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from paretoik.review.palette import PAPER
-from paretoik.review.pictures.point_names import NAMES, NamedPoint, name_place, name_points
+from paretoik.review.pictures.fronts import NAMES, NamedPoint, name_place, name_points
 
 SIZE = np.array([300.0, 200.0])
 HALF = np.array([12.0, 5.0])

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from paretoik.front.indicators import estimate_hypervolume, hypervolume
-from paretoik.review.recording import front_reduction
-from paretoik.review.recording.front_reduction import FrontReduction, reduction_note, spread_rows
+from paretoik.review.drawing import search_drawing as front_reduction
+from paretoik.review.drawing.search_drawing import FrontReduction, reduction_note, spread_rows
 from paretoik.review.recording.recorder import Generation
 
 

@@ -8,11 +8,10 @@ import pytest
 import rerun as rr
 
 from paretoik.front.preferences import Weights
-from paretoik.review.drawing.search_scene import SearchScene
-from paretoik.review.recording.recorder import SearchedFront, SearchEnd
+from paretoik.review.drawing.scatter import SearchScene
+from paretoik.review.recording.messages import Workcell
+from paretoik.review.recording.recorder import Opening, RecorderOptions, SearchedFront, SearchEnd
 from paretoik.review.recording.recording_file import RecordingFile
-from paretoik.review.recording.recording_process import Opening, RecorderOptions
-from paretoik.review.recording.workcell import Workcell
 from tests.review.reading import read, rows
 
 

@@ -11,9 +11,8 @@ import rerun as rr
 
 from paretoik.front.front import Front
 from paretoik.review.recording import live_view
-from paretoik.review.recording.recorder import Generation, SearchedFront, SearchEnd
+from paretoik.review.recording.recorder import Generation, Opening, RecorderOptions, SearchedFront, SearchEnd
 from paretoik.review.recording.recording_file import RecordingFile
-from paretoik.review.recording.recording_process import Opening, RecorderOptions
 from tests.review.reading import read, rows
 
 N_OBJ = 4

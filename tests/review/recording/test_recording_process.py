@@ -16,10 +16,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from paretoik.execution.child_environment import child_command
 from paretoik.front.front import Front
-from paretoik.review.recording.recorder import Generation, Recorder, SearchedFront, SearchEnd
-from paretoik.review.recording.recording_process import RecorderOptions, part_of
+from paretoik.review.recording.recorder import Generation, Recorder, RecorderOptions, SearchedFront, SearchEnd, part_of
+from paretoik.runs.machine import child_command
 from tests.review.children import children, wait_for_end
 from tests.review.disks import small_disk
 from tests.review.reading import read, rows
@@ -269,7 +268,7 @@ def test_rerun_that_is_missing_is_warned_of_and_the_run_goes_on(tmp_path, monkey
         *command, code = child_command(module)
         return [*command, f"import sys; sys.modules['rerun'] = None; {code}"]
 
-    monkeypatch.setattr("paretoik.review.recording.recording_process.child_command", without_rerun)
+    monkeypatch.setattr("paretoik.review.recording.recorder.child_command", without_rerun)
     started = recorder(tmp_path / "review.rrd")
     started.record(generation(1))
     with pytest.warns(RuntimeWarning, match="the run goes on: import of rerun halted"):

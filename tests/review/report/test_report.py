@@ -12,12 +12,11 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.front.choices import Choices, KeptChoice
-from paretoik.front.compromise import compromise
+from paretoik.front.choice_tree import Choices, KeptChoice
 from paretoik.front.front import Front
-from paretoik.front.joint_motions import StoredJoints, StoredMotions
-from paretoik.review.report.report import Report, ReportOptions, Steps
-from paretoik.review.report.report_motions import ReportMotions
+from paretoik.front.points import StoredJoints, StoredMotions
+from paretoik.front.preferences.compromise import compromise
+from paretoik.review.report import Report, ReportMotions, ReportOptions, Steps
 from tests.review.page_reading import Page, unpacked
 from tests.review.pictures.test_certificate_plots import certified
 

@@ -17,7 +17,7 @@ import pytest
 
 import paretoik as pk
 from paretoik.front.front import Front
-from paretoik.review.report.report import Report
+from paretoik.review.report import Report
 from tests.review.pictures.test_certificate_plots import certified
 
 CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")

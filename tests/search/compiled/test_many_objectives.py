@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from moocore import pareto_rank
 
-from paretoik.search.compiled.many_objectives import rank_points, select_by_distance
+from paretoik.search.maximin_kernels import rank_points, select_by_distance
 
 shapes = st.tuples(st.integers(2, 4), st.integers(2, 30), st.integers(0, 10_000))
 

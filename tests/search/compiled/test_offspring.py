@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import binomtest
 
-from paretoik.search.compiled.offspring import draw_chromosome, generate_offspring, tournament
-from paretoik.search.compiled.random_streams import next_bits, seed_stream
+from paretoik.search.offspring import draw_chromosome, generate_offspring, next_bits, seed_stream, tournament
 
 ROWS, ROW_SIZE, PARENTS = 3, 4, 11
 SIZE = ROWS * ROW_SIZE

@@ -7,14 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import chi2, kstest
 
-from paretoik.search.compiled.random_streams import (
-    draw_bits,
-    lower_integer,
-    next_bits,
-    seed_stream,
-    uniform,
-    upper_integer,
-)
+from paretoik.search.offspring import draw_bits, lower_integer, next_bits, seed_stream, uniform, upper_integer
 
 MASK = (1 << 64) - 1
 words = st.integers(0, MASK)

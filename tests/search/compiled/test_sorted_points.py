@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from moocore import pareto_rank
 
 from paretoik.closed_loop.workspace import allocate
-from paretoik.search.compiled.sorted_points import first_front, locate, merge_children, merge_sort, rank_sorted
+from paretoik.search.sorted_points import first_front, locate, merge_children, merge_sort, rank_sorted
 
 seeds = st.integers(0, 10_000)
 counts = st.integers(1, 60)

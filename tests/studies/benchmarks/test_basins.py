@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.self_motion.motion_starts import rollout_starts
+from paretoik.task.starts import rollout_starts
 from studies.benchmarks.basins.cases import all_cases
 from studies.benchmarks.basins.racing import Race, Tries, race
 from studies.benchmarks.basins.tables import summary_rows, table_rows

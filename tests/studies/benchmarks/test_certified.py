@@ -12,7 +12,7 @@ import pytest
 
 import paretoik as pk
 from paretoik.task.motion_task import SAMPLES
-from paretoik.trajectory.linearisation import linearise
+from paretoik.trajectory.derivatives import linearise
 from problems import tringali_2020
 from studies.benchmarks.certified import __main__ as study
 from studies.benchmarks.certified import cases

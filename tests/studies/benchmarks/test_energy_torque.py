@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from paretoik.api.settings import DEFAULTS
+from paretoik.api.session import DEFAULTS
 from paretoik.front.indicators import hypervolume
 from studies.benchmarks import energy_torque as study
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from paretoik.autodiff.evaluator import compile_evaluator
 from paretoik.autodiff.tape import Tape, as_entry
-from paretoik.trajectory.compiled import self_motion_steps as steps
+from paretoik.trajectory import self_motion_kernel as steps
 
 SAMPLES, DOF, ROWS, ORDERS, WIDTH = 5, 4, 2, 2, 3
 FREE = DOF - ROWS

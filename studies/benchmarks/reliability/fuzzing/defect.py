@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from paretoik.errors import ParetoikError
-from paretoik.user_functions import cause_of
+from paretoik.inputs import cause_of
 from studies.benchmarks.reliability.inputs.messages import message_faults
 
 

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 
 import paretoik as pk
-from paretoik.front.choices import read_choices
-from paretoik.front.joint_motions import StoredJoints, StoredMotions
-from paretoik.journal import Journal
-from paretoik.run_files import CHECKPOINT, CHOICES, JOURNAL, MOTIONS, RUN, TABLE, run_bytes
+from paretoik.front.choice_tree import read_choices
+from paretoik.front.points import StoredJoints, StoredMotions
+from paretoik.runs.files import CHECKPOINT, CHOICES, JOURNAL, MOTIONS, RUN, TABLE, run_bytes
+from paretoik.runs.journal import Journal
 from studies.benchmarks.reliability.fuzzing.defect import refusals
 
 STORED_JOURNAL = f"{CHECKPOINT}/{JOURNAL}"

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 import paretoik as pk
-from paretoik.joint_trajectory.controller import Braking
+from paretoik.joint_trajectory.controllers import Braking
 from studies.benchmarks.reliability.inputs.objects import Objects
 from studies.benchmarks.reliability.inputs.surfaces import Argument, Surface
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from paretoik.errors import InvalidInput, ParetoikError
-from paretoik.user_functions import cause_of
+from paretoik.inputs import cause_of
 from studies.benchmarks.reliability.inputs.examples import PARTS, STARS, Examples
 from studies.benchmarks.reliability.inputs.faults import BadInput, bad_inputs
 from studies.benchmarks.reliability.inputs.messages import message_faults

@@ -12,8 +12,8 @@ from pymoo.core.problem import Problem
 
 import paretoik as pk
 from paretoik.errors import ParetoikError
+from paretoik.inputs import cause_of
 from paretoik.loading import load_problem
-from paretoik.user_functions import cause_of
 from problems import marcos_2012
 from studies.benchmarks.reliability.inputs.faults import Raising, RaisingText
 from studies.benchmarks.reliability.inputs.judging import Outcome

@@ -15,7 +15,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from paretoik.front.storage import array_bytes
-from paretoik.run_files import RUN, result_files
+from paretoik.runs.files import RUN, result_files
 
 
 @dataclass

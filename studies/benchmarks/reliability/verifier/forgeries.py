@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 import paretoik as pk
-from paretoik.fingerprint.fingerprint import fingerprint
-from paretoik.task.between import finer_motion
+from paretoik.runs.fingerprint import fingerprint
+from paretoik.task.motion_task import finer_motion
 from studies.benchmarks.reliability.verifier.editing import Edited, edit
 from studies.benchmarks.reliability.verifier.good_runs import ARM, LIMITS, tracking
 

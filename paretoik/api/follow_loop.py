@@ -1,0 +1,177 @@
+"""Follow a closed loop step by step, keep its motion as a front of one point, and draw it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+
+from paretoik.api.progress import RunProgress
+from paretoik.api.session import RunSession, SolveSettings
+from paretoik.closed_loop.loop import StepRecord, choose, nondominated_rows
+from paretoik.closed_loop.step_evolution import Generations
+from paretoik.compilation_notices import computing_clock
+from paretoik.errors import InvalidInput
+from paretoik.formulations.closed_loop import ClosedLoop, ClosedLoopRun, explain_choice
+from paretoik.formulations.control_step import check_steps
+from paretoik.front.front import Front
+from paretoik.review.recording.messages import workcell_of
+from paretoik.review.recording.recorder import Generation, SearchedStep, SearchEnd
+from paretoik.runs.file_replacement import replace_file
+from paretoik.runs.files import PICTURE, SEARCHES, STEPS
+
+SEARCH_SETTINGS = (
+    *("initial", "evaluations", "target", "anchors", "algorithm", "refine", "solver"),
+    *("islands", "workers", "cluster", "evaluation_timeout"),
+)  # not of a loop
+
+
+class LoopRun:
+    """The run of a closed loop, whose front has one point: the motion, with the mean of every objective over the steps.
+
+    A signal or the time limit leaves the rest of the path: the motion is that of the steps that were taken.
+    Raises InvalidInput, naming the setting.
+    """
+
+    def __init__(self, problem: ClosedLoop, settings: SolveSettings) -> None:
+        for name in SEARCH_SETTINGS:
+            value, default = getattr(settings, name), getattr(SolveSettings, name)
+            if value is not default and not (isinstance(value, str | int | np.integer) and value == default):
+                raise InvalidInput(
+                    f"{name}: wants a search for a front, got a closed loop, which is followed step by step"
+                )
+        self.problem = problem.changed(
+            population=settings.population, generations=settings.generations, seed=settings.seed
+        )
+        self.time_limit = settings.time_limit
+        self.record_steps = sorted(check_steps(settings.record_steps, len(self.problem.task.times) - 1))
+        self.settings = {
+            "weights": self.problem.named_weights,
+            "population": self.problem.population,
+            "generations": self.problem.generations,
+            "seed": self.problem.seed,
+            "warm_start": self.problem.warm_start,
+            "time_limit": settings.time_limit,
+            "record_steps": self.record_steps,
+        }
+        self._run: ClosedLoopRun | None = None
+
+    def run(self, session: RunSession) -> Front:
+        """Follow the loop and return its motion as a front of one point."""
+        loop = self.problem
+        steps = len(loop.task.times) - 1
+        session.show(RunProgress(stage="beginning"))  # the search for a start may take its time
+        loop.prepare()
+        units, maximised = zip(*((each.unit, each.maximise) for each in loop.objectives), strict=True)
+        session.start(names=loop.names, units=units, maximised=maximised, timeline="step", workcell=workcell_of(loop))
+        started = computing_clock()
+
+        def show(step: StepRecord) -> None:
+            F = step.front.F * loop.signs
+            generation = Generation(
+                number=step.sample, population=F[:0], front=F, front_ids=np.arange(len(F)), chosen=F[step.index]
+            )
+            seconds = computing_clock() - started
+            progress = RunProgress(stage="step", done=step.sample, total=steps, seconds=seconds)
+            session.show(replace(progress, summary=f"front {len(F)}", generation=generation))
+
+        def is_over() -> bool:
+            late = self.time_limit is not None and computing_clock() - started >= self.time_limit
+            return late or session.signal is not None
+
+        self._run = loop.run(record_steps=self.record_steps, observe=show, should_stop=is_over)
+        status, done = "end of the path", len(self._run.q) - 1
+        if done < steps:
+            status = session.signal or "time limit"
+        counts = {"steps": done, "of": steps, "seconds": round(session.seconds, 3)}
+        return self._run.front({**session.provenance, "status": status, "counts": counts})
+
+    def review(self, front: Front, session: RunSession) -> None:
+        """Write the table of steps, and the searches of those that were recorded.
+
+        Finish the recording with the motion, and, unless a signal came, draw it.
+        """
+        if session.folder is None:
+            return
+        run = self._run
+        assert run is not None
+        ranges = run.ranges * run.loop.signs[:, None]  # best and worst (steps, n_obj, 2), in their own sign
+        _write_steps(run, ranges, session.folder / STEPS)
+        searched = [
+            _searched_step(run, record.sample, record.generations)
+            for record in run.fronts.values()
+            if record.generations is not None
+        ]
+        if searched:
+            _write_searches(run, searched, session.folder / SEARCHES)
+        session.finish_recording(SearchEnd(front=None, choice=explain_choice(front), searched=searched))
+        if session.signal is not None:
+            return
+        from paretoik.review.pictures.motions import loop_picture  # here: matplotlib takes its time
+
+        loop_picture(run.motion, run.values, ranges, front, session.folder / PICTURE)
+
+
+def _write_steps(run: ClosedLoopRun, ranges: np.ndarray, file: Path) -> None:
+    """Write a row a step: sample, time, and of every objective what was chosen, the best and the worst on the front."""
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    samples = np.arange(1, len(run.q))
+    columns: dict[str, np.ndarray] = {"sample": samples, "time": run.task.times[samples]}
+    for axis, name in enumerate(run.loop.names):
+        columns[f"chosen {name}"] = run.values[:, axis]
+        columns[f"best {name}"], columns[f"worst {name}"] = ranges[:, axis].T
+    content = BytesIO()
+    parquet.write_table(pa.table(columns), content)
+    replace_file(file, content.getvalue())
+
+
+def _searched_step(run: ClosedLoopRun, sample: int, generations: Generations) -> SearchedStep:
+    """Return the search of a step in the user's own sign, with the front and the choice of every generation."""
+    loop, fronts, chosen = run.loop, [], []
+    for F in generations.F:
+        front = nondominated_rows(F)
+        fronts.append(front)
+        chosen.append(front[choose(F[front], loop.weights)] if len(front) else -1)
+    target = np.zeros(3)
+    position = loop.task.tasks[0].path.positions[sample]
+    target[: len(position)] = position
+    return SearchedStep(
+        sample=sample,
+        arm=loop.task.arm,
+        objectives=generations.F * loop.signs,
+        q=generations.q,
+        fronts=fronts,
+        chosen=np.array(chosen),
+        target=target,
+    )
+
+
+def _write_searches(run: ClosedLoopRun, searched: Sequence[SearchedStep], file: Path) -> None:
+    """Write the recorded searches as plain arrays, a row a step.
+
+    ``steps`` (steps,), ``names`` and ``units`` (n_obj,), ``objectives`` (steps, generations, individuals, n_obj) in
+    their own sign, ``q`` (steps, generations, individuals, dof), ``on_front`` (steps, generations, individuals) and
+    ``chosen`` (steps, generations), an individual, −1 where all failed.
+    """
+    on_front = np.zeros((len(searched), *searched[0].q.shape[:2]), dtype=bool)
+    for i, each in enumerate(searched):
+        for number, front in enumerate(each.fronts):
+            on_front[i, number, front] = True
+    content = BytesIO()
+    np.savez(
+        content,
+        allow_pickle=False,
+        steps=np.array([each.sample for each in searched]),
+        names=np.array(run.loop.names, dtype=np.str_),
+        units=np.array([each.unit for each in run.loop.objectives], dtype=np.str_),
+        objectives=np.array([each.objectives for each in searched]),
+        q=np.array([each.q for each in searched]),
+        on_front=on_front,
+        chosen=np.array([each.chosen for each in searched]),
+    )
+    replace_file(file, content.getvalue())

@@ -1,0 +1,170 @@
+"""Open the front of a run again."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from paretoik.api.result import read_plan
+from paretoik.errors import EvaluationFailed, InvalidInput, InvalidRun, SolverFailed, warn_user
+from paretoik.formulations.motions import motions_of_task, restore_motions
+from paretoik.formulations.protocol import at_samples_of, timeline
+from paretoik.front.front import Front
+from paretoik.front.points import attach
+from paretoik.inputs import CALLS, check_call, file_path, shown
+from paretoik.loading import load_problem
+from paretoik.paths import shell_command
+from paretoik.runs.files import MOTIONS, problem_words
+from paretoik.runs.fingerprint import check_fingerprint
+from paretoik.runs.interruption import TimeLimit, check_time_limit, limited_evaluations
+from paretoik.stop_flag import Interrupted
+from paretoik.trajectory.plan import Optimum, Plan
+
+# The problem of a stored run: the one that the user names, never the one that the run names.
+#
+# A run folder may come from anybody, and loading a problem runs its file. So a problem is loaded only from what the
+# user gives: ``problem=`` in Python, ``--problem FILE.py:NAME`` or a yes to the question on the command line.
+
+
+def named_problem(problem: Any, *, time_limit: float | None = None, evaluation_timeout: float | None = None) -> Any:
+    """Return ``problem``, or the one that it names if it is text.
+
+    Loading one takes at most ``time_limit`` [s], and each call of a user's function ``evaluation_timeout`` [s]. Raises
+    as ``load_problem``; SolverFailed if the problem is not there in time; EvaluationFailed if several calls are ended.
+    """
+    if not isinstance(problem, str):
+        return problem
+    check_time_limit(time_limit)
+    limit = TimeLimit(seconds=time_limit)
+    try:
+        with limit.limiting_calls(), limited_evaluations(evaluation_timeout, allowed=CALLS.allowed):
+            return load_problem(problem)
+    except Interrupted as stop:
+        if not stop.reason:
+            raise
+        if not limit.reached:
+            raise EvaluationFailed(f"no problem was built: {stop.reason}, {CALLS.allowed + 1} times") from None
+        raise SolverFailed(f"time_limit: no problem was built within {time_limit:g} s; {stop.reason}") from None
+
+
+def how_to_name(reference: object) -> str:
+    """Return how the problem of a run that names a ``reference`` is given."""
+    words = problem_words(reference)
+    if not words:
+        return "the run names none; problem=, or --problem FILE.py:NAME, gives it"
+    return f"its file is run only if you name it: problem=, or {shell_command(*words)}"
+
+
+def check_problem_argument(problem: object) -> None:
+    """Raise InvalidInput unless this is a problem, the name of one, or None; of a polygon it is the arm."""
+    timeline(problem)
+    is_problem = not isinstance(problem, type) and (hasattr(problem, "n_obj") or hasattr(problem, "dof"))
+    if problem is not None and not isinstance(problem, str) and not is_problem:
+        raise InvalidInput(f"problem: a problem or FILE.py:NAME wanted, got {shown(problem)}")
+
+
+# Open the plan of a run again.
+
+
+@check_call
+def load_plan(folder: str | Path, problem: Any = None) -> Plan:
+    """Return the plan of a run folder, its motions with the arm of ``problem``.
+
+    ``problem`` is the problem or its name, "FILE.py:NAME", whose file is run; it is always needed.
+
+    Raises
+    ------
+    InvalidRun
+        If the folder is no run of ``plan``, or damaged, or its motions are not on the path of the problem.
+    InvalidInput
+        If no problem is given, or another one than was planned.
+    """
+    folder = file_path("folder", folder)
+    check_problem_argument(problem)
+    run, columns, stored = read_plan(folder)
+    problem = named_problem(problem)
+    if problem is None:
+        how = how_to_name(run.get("problem"))
+        raise InvalidInput(f"{folder}: the problem wanted that was planned, got none; {how}")
+    check_fingerprint(problem, run.get("fingerprint"), wish=f"{folder}: wants the problem that was planned")
+    problem = at_samples_of(problem, stored.q)
+    try:
+        motions = motions_of_task(problem, stored, columns["id"])
+    except InvalidRun as fault:
+        raise InvalidRun(f"{folder / MOTIONS}: {fault}") from None
+    if motions is None:
+        raise InvalidRun(f"{folder}: wanted motions at the samples of the problem, got others")
+    return Plan(
+        optima=tuple(
+            Optimum(
+                motion=motion,
+                objective=value,
+                label=branch,
+                status=status,
+                violation_between=violation,
+                criticality=criticality,
+                discretisation_error=error,
+            )
+            for motion, value, branch, status, violation, criticality, error in zip(
+                motions,
+                columns["objective"],
+                columns["branch"],
+                columns["status"],
+                columns["violation_between"],
+                columns["criticality"],
+                columns["discretisation_error"],
+                strict=True,
+            )
+        ),
+        starts=_starts(run),
+        levels=tuple((int(samples), int(optima)) for samples, optima in run["levels"]),
+        provenance={
+            key: value for key, value in run.items() if key not in ("format", "holds", "objective", "levels", "files")
+        },
+    )
+
+
+def _starts(run: Mapping[str, Any]) -> int:
+    """Return the number of starts that a run says its plan had."""
+    counts = run.get("counts")
+    starts = counts.get("starts") if isinstance(counts, Mapping) else None
+    return starts if isinstance(starts, int) else 0
+
+
+@check_call
+def load_front(folder: str | Path, problem: Any = None) -> Front:
+    """Return the front of a run folder; its motions have their arm if its problem is given.
+
+    ``problem`` is the problem or its name, "FILE.py:NAME", whose file is run. What a run folder names is never run: the
+    folder may come from anybody. Without ``problem`` motions have joint positions only, with a warning.
+
+    Raises
+    ------
+    InvalidRun
+        If the folder is no run, or damaged, or its motions are not on the path of the problem.
+    InvalidInput
+        If ``problem`` is not the one that the run solved, or cannot be loaded.
+    """
+    folder = file_path("folder", folder)
+    check_problem_argument(problem)
+    return with_problem(Front.load(folder), folder, problem)
+
+
+def with_problem(front: Front, folder: Path, problem: Any) -> Front:
+    """Return a front that was read from a folder with its problem, as ``load_front`` does, and raise what that does."""
+    whole, reference = named_problem(problem), front.provenance.get("problem")
+    if whole is None:
+        if reference is not None:
+            text = "motions come without their arm, as the problem is not at hand"
+            warn_user(f"{folder}: {text}: {how_to_name(reference)}")
+        return front
+    wish = f"{folder}: wants the problem that the run solved"
+    check_fingerprint(whole, front.provenance.get("fingerprint"), wish=wish)
+    whole = at_samples_of(whole, getattr(front.motions, "q", None))
+    try:
+        motions = restore_motions(whole, front)
+    except InvalidRun as fault:
+        raise InvalidRun(f"{folder / MOTIONS}: {fault}") from None
+    return attach(replace(front, motions=motions, problem=whole), folder)

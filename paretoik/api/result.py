@@ -1,0 +1,363 @@
+"""A plan on disk: `run.json`, `optima.parquet` and `motions.npz`, in the format of fronts (``front.storage``).
+
+`optima.parquet` has one row an optimum, best first: id, the objective by its name, violation_between, criticality,
+status, branch.
+`motions.npz` has id, joint_names (dof,), time (optima, time), q (optima, time, dof).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+
+from paretoik.api.session import RunSession
+from paretoik.errors import Infeasible, InvalidRun
+from paretoik.formulations.protocol import broken_words, decode, explain_violation, task_of, violation_words
+from paretoik.front.front import Front
+from paretoik.front.points import StoredJoints, StoredMotions
+from paretoik.front.storage import array_bytes, motion_arrays, read_motions, read_verified
+from paretoik.review.recording.messages import LeastViolating, PlanEnd, RecordedPoint, record_motion
+from paretoik.review.recording.recorder import SearchEnd
+from paretoik.runs.file_replacement import without_writers
+from paretoik.runs.files import (
+    MOTIONS,
+    NEAREST,
+    OPTIMA,
+    RUN,
+    check_digest,
+    is_run,
+    read_run,
+    read_table,
+    unfinished_note,
+    write_result,
+)
+from paretoik.search.ask_tell import Search
+from paretoik.search.islands import Islands
+from paretoik.stop_flag import Interrupted
+from paretoik.task.motion import Motion
+from paretoik.task.motion_task import MotionTask
+from paretoik.trajectory.plan import Plan
+
+# A run on disk that found nothing feasible: why, and the motion that comes nearest, beside its `run.json`.
+#
+# The entry "least_violating" of `run.json` has the constraints that are ``broken``, the ``objectives`` by name, unit,
+# sense and value, and the SHA-256 digest of `least_violating.npz`, which has the motion as `motions.npz` has others.
+
+
+ENTRY = "least_violating"
+
+
+@runtime_checkable
+class ObjectiveNames(Protocol):
+    """What has the objectives of a run: a formulation, or a search."""
+
+    @property
+    def names(self) -> Sequence[str]:
+        """Their names."""
+
+    @property
+    def units(self) -> Sequence[str]:
+        """Their units."""
+
+    @property
+    def maximised(self) -> Any:
+        """Which of them are maximised."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class InfeasibleFiles:
+    """What a run folder keeps of a run without a feasible point: ``entries`` of its `run.json`, and files by name."""
+
+    entries: Mapping[str, Any]
+    contents: Mapping[str, bytes]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class InfeasibleRun:
+    """A run that found nothing feasible: the ``reason``, the constraints ``broken``, and what comes nearest.
+
+    ``nearest`` has that as its only point, which is not feasible; it is empty where there is none.
+    """
+
+    reason: str
+    broken: tuple[str, ...]
+    nearest: Front
+
+
+def infeasible_files(problem: ObjectiveNames, failure: Infeasible, nearest: LeastViolating) -> InfeasibleFiles:
+    """Return what is kept of a run that found nothing feasible."""
+    values = None if nearest.point is None else nearest.point.objectives
+    objectives = [
+        {
+            "name": name,
+            "unit": unit,
+            "maximised": bool(maximised),
+            "value": None if values is None else float(values[axis]),
+        }
+        for axis, (name, unit, maximised) in enumerate(
+            zip(problem.names, problem.units, problem.maximised, strict=True)
+        )
+    ]
+    entry: dict[str, Any] = {"broken": list(nearest.broken), "objectives": objectives}
+    contents = dict[str, bytes]()
+    if isinstance(failure.motion, Motion) and nearest.point is not None:
+        contents[NEAREST] = _motion_bytes(failure.motion)
+        entry["digest"] = hashlib.sha256(contents[NEAREST]).hexdigest()
+    return InfeasibleFiles(entries={ENTRY: entry}, contents=contents)
+
+
+def is_infeasible(folder: Path) -> bool:
+    """Say whether a folder holds a run that found nothing feasible."""
+    run = read_run(folder / RUN) if is_run(folder / RUN) else {}
+    return run.get("status") == "Infeasible" or (ENTRY in run and "files" not in run)  # a signal may have ended it
+
+
+def read_infeasible(folder: Path) -> InfeasibleRun:
+    """Return a run that found nothing feasible; raises InvalidRun where it is damaged."""
+    run = read_run(folder / RUN)
+    check_digest(folder / RUN, run)
+    reason, entry = str(run.get("reason", "")), run.pop(ENTRY, {"broken": [], "objectives": []})
+    provenance = {name: value for name, value in run.items() if name not in ("format", "reason")}
+    try:
+        broken, objectives = tuple(str(words) for words in entry["broken"]), list(entry["objectives"])
+        values = [each["value"] for each in objectives]
+        count = int(bool(values) and None not in values)
+        motions = _read_motion(folder, entry["digest"]) if "digest" in entry and count else None
+        nearest = Front(
+            ids=np.arange(count),
+            objectives=np.array(values, dtype=float)[None] if count else np.empty((0, max(len(values), 1))),
+            names=[str(each["name"]) for each in objectives] or ["objective"],
+            units=[str(each["unit"]) for each in objectives] or [""],
+            maximised=[bool(each["maximised"]) for each in objectives] or [False],
+            motions=motions,
+            provenance=provenance,
+        )
+    except (KeyError, TypeError, ValueError, AttributeError) as fault:
+        if isinstance(fault, InvalidRun):
+            raise
+        raise InvalidRun(f"{folder / RUN}: wanted what the least-violating motion breaks, got {fault}") from fault
+    return InfeasibleRun(reason=reason, broken=broken, nearest=nearest)
+
+
+def _motion_bytes(motion: Motion) -> bytes:
+    joints = StoredJoints(joint_names=motion.arm.joint_names)
+    stored = StoredMotions(arm=joints, time=np.array(motion.time)[None], q=np.array(motion.q)[None])
+    return array_bytes({"id": np.zeros(1, dtype=int), **motion_arrays(stored)})
+
+
+def _read_motion(folder: Path, expected: object) -> StoredMotions:
+    file = folder / NEAREST
+    arrays = read_motions(file, read_verified(file, expected), np.zeros(1, dtype=int))
+    if "q" not in arrays:
+        raise InvalidRun(f"{file}: wanted a motion, got none")
+    joints = StoredJoints(joint_names=tuple(str(joint) for joint in arrays["joint_names"]))
+    return StoredMotions(arm=joints, time=arrays["time"], q=arrays["q"])
+
+
+# What a run comes to that has found nothing feasible: the least-violating individual or motion, and what it breaks.
+
+
+def infeasible_error(search: Search | Islands) -> Infeasible:
+    """Return the error of a search without a feasible point, with the least-violating motion and what it breaks."""
+    nearest = search.archive.least_violating
+    if nearest is None:
+        return Infeasible(f"no feasible point in {search.evaluations} evaluations, and none without a failure")
+    limit, reason = explain_violation(search.problem, nearest.X, nearest.G[0])
+    motions = decode(search.problem, nearest.X)
+    return Infeasible(
+        f"no motion within the limits in {search.evaluations} evaluations; of the least-violating one, {reason}",
+        motion=None if motions is None else motions[0],
+        limit=limit,
+        violation=float(nearest.G.max()),
+    )
+
+
+def least_violating(search: Search | Islands) -> LeastViolating | None:
+    """Return what a recording shows of the least-violating individual so far.
+
+    None as soon as there is a feasible point, and where all evaluations failed.
+    """
+    nearest = search.archive.least_violating
+    return None if nearest is None else LeastViolating(broken=violation_words(search.problem, nearest.G[0]))
+
+
+def least_violating_end(search: Search | Islands, failure: Infeasible) -> LeastViolating:
+    """Return what a recording shows at the end of a search without a feasible point."""
+    nearest = search.archive.least_violating
+    if nearest is None:
+        return LeastViolating(broken=(), reason=str(failure))
+    objectives = nearest.F[0] * np.where(search.maximised, -1.0, 1.0)
+    motion = record_motion(failure.motion, curves=True)
+    point = RecordedPoint(id=int(nearest.ids[0]), objectives=objectives, motion=motion)
+    return LeastViolating(broken=violation_words(search.problem, nearest.G[0]), reason=str(failure), point=point)
+
+
+def limit_words(task: MotionTask, motion: Motion) -> tuple[str, ...]:
+    """Return which limits a motion breaks and by how much, the worst first."""
+    return broken_words(task.limit_names, ["of its range"] * len(task.limit_names), task.violations(motion))
+
+
+@contextmanager
+def infeasible_recorded(
+    session: RunSession, problem: Any, end: Callable[[LeastViolating], PlanEnd | SearchEnd]
+) -> Iterator[None]:
+    """Let a body that finds no feasible motion complete the recording, with the ``end`` of the least-violating one.
+
+    So it does if a signal or the time limit ends it before there is one.
+    """
+    try:
+        yield
+    except (Infeasible, Interrupted) as error:
+        failure = error if isinstance(error, Infeasible) else Infeasible(error.reason, motion=error.motion)
+        if failure is error or failure.motion is not None:
+            nearest = nearest_motion(problem, failure)
+            finish_infeasible(session, problem, failure, nearest, end(nearest))
+        if failure is not error and failure.motion is not None:
+            error.add_note(f"by then there was {failure}")
+        raise
+
+
+def finish_infeasible(
+    session: RunSession, names: ObjectiveNames, failure: Infeasible, nearest: LeastViolating, end: PlanEnd | SearchEnd
+) -> None:
+    """Complete the recording of a run that found nothing feasible, and keep what comes nearest in its folder."""
+    session.infeasible = infeasible_files(names, failure, nearest)
+    with session.reviewing():
+        session.finish_recording(end)
+
+
+def nearest_motion(problem: Any, failure: Infeasible) -> LeastViolating:
+    """Return what a recording shows of the motion that an error has."""
+    task, motion = task_of(problem), failure.motion
+    if task is None or not isinstance(motion, Motion):
+        return LeastViolating(broken=(), reason=str(failure))
+    objectives = np.array([float(objective(motion)) for objective in task.objectives])
+    point = RecordedPoint(id=0, objectives=objectives, motion=record_motion(motion, curves=True))
+    return LeastViolating(broken=limit_words(task, motion), reason=str(failure), point=point)
+
+
+HOLDS = "the optima of a plan, which load_plan opens"
+
+
+def save_plan(plan: Plan, folder: Path, *, name: str, unit: str, maximised: bool) -> None:
+    """Write a plan of an objective into a folder, all of its files at once or none."""
+    entries = {
+        **plan.provenance,
+        "holds": HOLDS,
+        "objective": {"name": name, "unit": unit, "maximised": maximised},
+        "levels": [list(level) for level in plan.levels],
+    }
+    write_result(folder, entries, {OPTIMA: _optima_bytes(plan, name, unit), MOTIONS: _motions_bytes(plan)})
+
+
+def holds_plan(folder: Path) -> bool:
+    """Say whether a folder holds the run of a plan, whole or not."""
+    return is_run(folder / RUN) and read_run(folder / RUN).get("holds") == HOLDS
+
+
+def read_plan(folder: Path) -> tuple[dict[str, Any], dict[str, list[Any]], StoredMotions]:
+    """Return the entries of a plan's `run.json`, the columns of its optima, and their motions.
+
+    Raises InvalidRun where a file is missing, damaged, a link, of another version, or of another run, and where the run
+    holds no plan.
+    """
+    with without_writers(folder):
+        return _read_plan(folder)
+
+
+def _read_plan(folder: Path) -> tuple[dict[str, Any], dict[str, list[Any]], StoredMotions]:
+    run = read_run(folder / RUN)
+    if run.get("holds") != HOLDS:
+        status = f" of status {run.get('status')!r}"
+        note = unfinished_note(folder)
+        raise InvalidRun(f"{folder}: wanted a run with a plan, got one{'' if 'files' in run else status} without{note}")
+    check_digest(folder / RUN, run)
+    files, objective, levels = run.get("files"), run.get("objective"), run.get("levels")
+    if not (isinstance(files, dict) and files.keys() == {OPTIMA, MOTIONS} and _are_counts(levels)):
+        raise InvalidRun(f"{folder}: wanted the levels of a plan and the digests of its files, got other entries")
+    if not (isinstance(objective, dict) and objective.keys() == {"name", "unit", "maximised"}):
+        raise InvalidRun(f"{folder}: wanted an objective with name, unit and maximised, got {objective!r}")
+    contents = {file: read_verified(folder / file, expected) for file, expected in files.items()}
+    columns = _read_optima(folder / OPTIMA, contents[OPTIMA], str(objective["name"]))
+    arrays = read_motions(folder / MOTIONS, contents[MOTIONS], np.array(columns["id"]))
+    if "q" not in arrays:
+        raise InvalidRun(f"{folder / MOTIONS}: wanted the motions of the optima, got none")
+    joints = StoredJoints(joint_names=tuple(str(joint) for joint in arrays["joint_names"]))
+    return run, columns, StoredMotions(arm=joints, time=arrays["time"], q=arrays["q"])
+
+
+def _are_counts(levels: object) -> bool:
+    """Say whether levels are pairs of whole numbers."""
+    return isinstance(levels, list) and all(
+        isinstance(level, list) and len(level) == 2 and all(isinstance(count, int) for count in level)
+        for level in levels
+    )
+
+
+def _optima_bytes(plan: Plan, name: str, unit: str) -> bytes:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    optima = plan.optima
+    columns = {
+        "id": pa.array(range(len(optima)), pa.int64()),
+        name: pa.array([each.objective for each in optima], pa.float64()),
+        "violation_between": pa.array([each.violation_between for each in optima], pa.float64()),
+        "criticality": pa.array([each.criticality for each in optima], pa.float64()),
+        "discretisation_error": pa.array([each.discretisation_error for each in optima], pa.float64()),
+        "status": pa.array([each.status for each in optima], pa.string()),
+        "branch": pa.array([each.label for each in optima], pa.string()),
+    }
+    schema = pa.schema(
+        [
+            pa.field(key, values.type, metadata={"unit": unit if key in (name, "discretisation_error") else ""})
+            for key, values in columns.items()
+        ]
+    )
+    sink = io.BytesIO()
+    pq.write_table(pa.table(columns, schema=schema), sink)
+    return sink.getvalue()
+
+
+def _motions_bytes(plan: Plan) -> bytes:
+    motions = [each.motion for each in plan.optima]
+    stored = StoredMotions(
+        arm=StoredJoints(joint_names=motions[0].arm.joint_names),
+        time=np.stack([motion.time for motion in motions]),
+        q=np.stack([motion.q for motion in motions]),
+    )
+    return array_bytes({"id": np.arange(len(motions)), **motion_arrays(stored)})
+
+
+def _read_optima(file: Path, content: bytes, name: str) -> dict[str, list[Any]]:
+    """Return the columns of the optima, the objective's as "objective"."""
+    import pyarrow as pa
+
+    kinds = {
+        "id": pa.int64(),
+        name: pa.float64(),
+        "violation_between": pa.float64(),
+        "criticality": pa.float64(),
+        "discretisation_error": pa.float64(),
+        "status": pa.string(),
+        "branch": pa.string(),
+    }
+    try:
+        table = read_table(content)
+        for key in ("criticality", "discretisation_error"):
+            if key not in table.column_names:  # earlier runs have none
+                table = table.append_column(key, pa.array(np.full(len(table), np.nan)))
+        columns = {key: table.column(key).cast(kind).to_pylist() for key, kind in kinds.items()}
+    except Exception as fault:  # whatever the parser trips over is the file's fault
+        cause = (str(fault).splitlines() or [type(fault).__name__])[0]
+        raise InvalidRun(f"{file}: wanted columns {', '.join(kinds)}, got {cause}") from fault
+    if not columns["id"] or any(None in values for values in columns.values()):
+        raise InvalidRun(f"{file}: wanted optima with all their entries, got none or some that are missing")
+    return {"objective" if key == name else key: values for key, values in columns.items()}

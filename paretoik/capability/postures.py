@@ -1,0 +1,319 @@
+"""Postures that reach a position, within limits and rods, in which motors can hold the arm; errors for none."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from paretoik.arrays import Joints
+from paretoik.capability.actuation import Actuation, DistributedActuation
+from paretoik.capability.directional_program import DirectionalProgram
+from paretoik.capability.joint_capability import Quantity, joint_speeds, overload_error, torque_capacity, values_at
+from paretoik.errors import EvaluationFailed, Infeasible, InvalidInput, OutOfReach, ParetoikError, SolverFailed
+from paretoik.nlp.dense.dense_program import DenseProgram
+from paretoik.nlp.minimise import minimise
+from paretoik.nlp.program import InteriorPointOptions
+from paretoik.robot.arm import Arm
+from paretoik.robot.dynamics import gravity_torques
+from paretoik.task.curves import Line
+from paretoik.task.motion_task import MotionTask
+from paretoik.task.objectives import joint_travel
+from paretoik.task.path import sample_curve
+from paretoik.task.starts import reach_error, sample_postures, wrap_difference
+from paretoik.task.validation import motion_task
+
+# Local maxima over all postures of an arm of any kind: many starts, and ascent over posture, sliders and speeds.
+
+
+@dataclass(frozen=True, kw_only=True)
+class AscentOptions:
+    """Settings of the ascent from many starts."""
+
+    largest: int = 24  # starts of a direction, at most
+    smallest: int = 6  # at least
+    repeats: int = 3  # starts that have to end at the best value before the search of a direction ends
+    value_tolerance: float = 1e-6  # share by which two values may differ and be the same
+    rounds: int = 4  # of trying what was best for one direction in the others
+    batch: int = 2000  # postures whose values are computed together, for the memory it takes
+    distance: float = 0.5  # of starts in some joint, at least [rad, m]
+    feasible: float = 1e-8  # violation of the program up to which an end is feasible
+    interior_point: InteriorPointOptions = InteriorPointOptions(barrier=1e-2, iterations=300)  # from a start
+    # near a maximum, or where interior points do not converge
+    sqp: InteriorPointOptions = InteriorPointOptions(radius=0.1, iterations=200, tolerance=1e-9)
+
+
+ASCENT_OPTIONS = AscentOptions()
+
+
+def maximise_from(
+    arm: Arm,
+    actuation: Actuation,
+    position: Float[np.ndarray, " task"],
+    directions: Float[np.ndarray, "directions task"],
+    quantity: Quantity,
+    starts: Float[np.ndarray, "starts dof"],
+) -> Float[np.ndarray, "directions dof"]:
+    """Return the best posture of each direction that ascent from postures leads to, for an arm of any kind.
+
+    What is best for one direction is tried for all others, and those that it improves ascend from there again.
+    """
+    search = MultistartAscent(arm, actuation, position, directions, quantity, starts)
+    waiting = list(range(len(directions)))
+    for turn in range(ASCENT_OPTIONS.rounds):
+        for k in waiting:
+            search.ascend_from_best(k) if turn == 0 else search.ascend(k, search.q[search.best[k]], near=True)
+        waiting = search.improved_elsewhere()
+    return search.q[search.best]
+
+
+class MultistartAscent:
+    """Postures that can be held, those of the ends added, and their ``values`` (postures, directions)."""
+
+    def __init__(
+        self,
+        arm: Arm,
+        actuation: Actuation,
+        position: np.ndarray,
+        directions: np.ndarray,
+        quantity: Quantity,
+        starts: np.ndarray,
+    ) -> None:
+        self.arm, self.actuation, self.position = arm, actuation, position
+        self.directions, self.quantity = directions, quantity
+        self.program = DirectionalProgram(arm=arm, actuation=actuation, quantities=(quantity,))
+        parts = np.array_split(starts, -(-len(starts) // ASCENT_OPTIONS.batch))
+        self.q = starts
+        self.values = np.concatenate([values_at(arm, actuation, directions, quantity, part) for part in parts])
+        self.ascended = np.zeros(len(directions))
+
+    @property
+    def best(self) -> Int[np.ndarray, " directions"]:
+        """Which posture is the best of all along each direction."""
+        index: np.ndarray = self.values.argmax(axis=0)
+        return index
+
+    def ascend_from_best(self, k: int) -> None:
+        """Ascend along a direction from its best postures until the best end was met often, or enough were tried."""
+        ends = list[float]()
+        for start in distant_postures(self.arm, self.q[np.argsort(-self.values[:, k], kind="stable")]):
+            ends.append(self.ascend(k, start))
+            best = np.sum(np.array(ends) >= max(ends) * (1 - ASCENT_OPTIONS.value_tolerance))
+            if len(ends) >= ASCENT_OPTIONS.smallest and best >= ASCENT_OPTIONS.repeats:
+                break
+
+    def ascend(self, k: int, start: np.ndarray, *, near: bool = False) -> float:
+        """Ascend along a direction from a posture, keep where that ends, and return its value, 0 without an end."""
+        size = float(self.values[:, k].max())
+        if not 0 < size < np.inf:
+            return 0.0
+        q = ascend(self.program, self.position, self.directions[k], size, start, near=near)
+        if q is None:
+            return 0.0
+        values = values_at(self.arm, self.actuation, self.directions, self.quantity, q[None])
+        if np.isnan(values).any():
+            return 0.0
+        self.q, self.values = np.concatenate([self.q, q[None]]), np.concatenate([self.values, values])
+        self.ascended[k] = max(self.ascended[k], float(values[0, k]))
+        return float(values[0, k])
+
+    def improved_elsewhere(self) -> list[int]:
+        """Return the directions along which a posture that another direction led to is the best."""
+        limit = self.ascended * (1 + ASCENT_OPTIONS.value_tolerance)
+        improved: list[int] = np.flatnonzero(self.values.max(axis=0) > limit).tolist()
+        return improved
+
+
+def ascend(
+    program: DirectionalProgram,
+    position: Float[np.ndarray, " task"],
+    direction: Float[np.ndarray, " task"],
+    size: float,
+    start: Float[np.ndarray, " dof"],
+    *,
+    near: bool = False,
+) -> Float[np.ndarray, " dof"] | None:
+    """Return the posture, a local maximum along a direction, that a start leads to; None where its limits don't hold.
+
+    ``size`` [m/s, N] is about how much there is. ``near`` a maximum quadratic programs stay with it, which interior
+    points may leave.
+    """
+    cost = np.zeros((1, program.unknowns))
+    cost[0, program.slices["values"]] = -1.0
+    dense = DenseProgram(rows=program.program(position, direction[None], np.array([size])), costs=cost)
+    first, weight = program.initial_point(start)[None], np.ones((1, 1))
+    try:
+        end = None if near else minimise(dense, first, weight, options=ASCENT_OPTIONS.interior_point)
+        if end is None or not end.converged[0]:
+            restart = first if end is None or end.violation[0] > ASCENT_OPTIONS.feasible else end.x
+            end = minimise(dense, restart, weight, options=ASCENT_OPTIONS.sqp, solver="sqp")
+    except (EvaluationFailed, SolverFailed):  # rods that do not reach
+        return None
+    return program.parts(end.x[0], np.array([size]))["q"] if end.violation[0] <= ASCENT_OPTIONS.feasible else None
+
+
+def distant_postures(arm: Arm, q: np.ndarray) -> list[np.ndarray]:
+    """Return the first few postures that are not near each other."""
+    chosen, remaining = list[np.ndarray](), q
+    while len(remaining) and len(chosen) < ASCENT_OPTIONS.largest:
+        chosen.append(remaining[0])
+        distances = np.abs(wrap_difference(remaining - remaining[0], arm.periodic)).max(axis=1)
+        remaining = remaining[distances > ASCENT_OPTIONS.distance]
+    return chosen
+
+
+@dataclass(frozen=True, kw_only=True)
+class PostureSampleOptions:
+    """Settings of the search for postures that motors can hold."""
+
+    enough: int = 64  # postures that can be held from which on no more samples are drawn
+    batches: int = 8  # of samples, at most
+    clear: float = 2.0  # least load of all samples, a share of what motors can hold, from which on none can be held
+    starts: int = 8  # of the least overloaded samples, from which overloads are led away
+    tool_radius: float = 0.1  # m: times the motors' highest speed, the order of a tool's speed
+
+
+OPTIONS = PostureSampleOptions()
+
+
+def sample_holdable_postures(
+    arm: Arm, actuation: Actuation, position: Float[np.ndarray, " task"], samples: int, rng: np.random.Generator
+) -> Float[np.ndarray, "postures dof"]:
+    """Return postures that reach a position, within limits, in which motors can hold the arm.
+
+    Where none of the samples can be held, the least overloaded lead to some. Raises OutOfReach, and Infeasible, naming
+    joint, torque and limit of the least overloaded.
+    """
+    restricted, q, feasible = restrict_to_rods(arm, actuation), np.empty((0, arm.dof)), np.empty((0, arm.dof))
+    for _ in range(OPTIONS.batches):
+        batch = sample_postures_at(restricted, position, samples, rng)
+        within = (limit_excess(arm, batch) <= 0).all(axis=1)
+        q = np.concatenate([q, batch])
+        feasible = np.concatenate([feasible, batch[within & can_hold(arm, actuation, batch)]])
+        if len(feasible) >= min(OPTIONS.enough, samples):
+            break
+    if len(feasible):
+        return feasible
+    excess = np.maximum(limit_excess(arm, q), 0.0).max(axis=1)
+    if overload(arm, actuation, q).min() > OPTIONS.clear:
+        raise postures_error(arm, actuation, q, position)
+    program = DirectionalProgram(arm=arm, actuation=actuation, quantities=("velocity",))
+    size = OPTIONS.tool_radius * max(float(curve.fastest.max()) for curve in actuation.curves)
+    upright = np.eye(len(position))[-1]
+    starts = distant_postures(arm, q[np.argsort(overload(arm, actuation, q) + excess)])
+    ends = [ascend(program, position, upright, size, start) for start in starts[: OPTIONS.starts]]
+    feasible = np.array([end for end in ends if end is not None]).reshape(-1, arm.dof)
+    feasible = feasible[can_hold(arm, actuation, feasible)]
+    if len(feasible):
+        return feasible
+    raise postures_error(arm, actuation, q, position)
+
+
+def sample_postures_at(
+    arm: Arm, position: Float[np.ndarray, " task"], samples: int, rng: np.random.Generator
+) -> Float[np.ndarray, "postures dof"]:
+    """Return postures that reach a position, each joint in the turn that its limits want; some may be past limits.
+
+    Raises OutOfReach.
+    """
+    task = stationary_task(arm, position)
+    q = sample_postures(task, samples, rng)
+    if not len(q):
+        raise reach_error_at(reach_error(task, rng, 0), position)
+    lower, upper = arm.position_limits.T
+    for j in np.flatnonzero(arm.periodic):
+        column = q[:, j]
+        if np.isfinite(lower[j]):
+            column += 2 * np.pi * np.maximum(np.ceil((lower[j] - column) / (2 * np.pi)), 0.0)
+        if np.isfinite(upper[j]):
+            back = column - 2 * np.pi * np.maximum(np.ceil((column - upper[j]) / (2 * np.pi)), 0.0)
+            column[back >= lower[j]] = back[back >= lower[j]]
+    return q
+
+
+def restrict_to_rods(arm: Arm, actuation: Actuation) -> Arm:
+    """Return the arm with joint limits no wider than what rods and sliders can reach, in one turn.
+
+    Raises InvalidInput, naming the joint, where they do not overlap.
+    """
+    if not isinstance(actuation, DistributedActuation):
+        return arm
+    lower, upper = arm.position_limits.T
+    ends = np.sort(actuation.zero + actuation.bend * actuation.angle_bounds.T, axis=0)
+    middle = ends.mean(axis=0)
+    below = np.where(np.isfinite(lower), lower, middle - np.pi)
+    above = np.where(np.isfinite(upper), upper, middle + np.pi)
+    ends = ends + 2 * np.pi * np.round(((below + above) / 2 - middle) / (2 * np.pi))
+    low, high = np.maximum(ends[0], lower), np.minimum(ends[1], upper)
+    if (low > high).any():
+        j = int(np.argmax(low > high))
+        raise InvalidInput(
+            f"{arm.joint_names[j]}: limits that overlap with what its rod reaches wanted, "
+            f"{np.rad2deg(ends[:, j]).round(1).tolist()}°, got {np.rad2deg(arm.position_limits[j]).round(1).tolist()}°"
+        )
+    return replace(arm, position_limits=np.stack([low, high], axis=1))
+
+
+def stationary_task(arm: Arm, position: Float[np.ndarray, " task"]) -> MotionTask:
+    """Return the task of a tool that stays where it is."""
+    path = sample_curve(Line(position, np.zeros_like(position), None, np.zeros(3)), np.array([0.0, 0.5, 1.0]))
+    return motion_task(arm, path, objectives=[joint_travel], redundant=False)
+
+
+def limit_excess(arm: Arm, q: Joints) -> Joints:
+    """Return by how much joints (*batch, dof) are past their limits [rad, m], negative within."""
+    lower, upper = arm.position_limits.T
+    return np.asarray(np.maximum(q - upper, lower - q))
+
+
+def overload(
+    arm: Arm, actuation: Actuation, q: Joints, *, without_slider: float = 1e6
+) -> Float[np.ndarray, " postures"]:
+    """Return the largest load of any joint as a share of what its motor can hold; a number where no slider fits."""
+    torque, (capacity, _) = gravity_torques(arm, q), torque_capacity(actuation, q)
+    share = np.abs(torque) / np.where(capacity > 0, capacity, 1e-300)
+    share = np.where(np.isnan(capacity), without_slider, share)
+    return np.asarray(share.max(axis=1))
+
+
+def can_hold(arm: Arm, actuation: Actuation, q: Joints) -> Bool[np.ndarray, " postures"]:
+    """Return in which postures (postures, dof) the motors can hold the arm."""
+    speeds = joint_speeds(actuation, q, gravity_torques(arm, q))
+    return np.asarray(~np.isnan(speeds.high).any(axis=1))
+
+
+def postures_error(arm: Arm, actuation: Actuation, q: np.ndarray, position: np.ndarray) -> Infeasible:
+    """Return the error of postures none of which can be held within limits: of the one that comes nearest to it."""
+    excess = limit_excess(arm, q)
+    inside = q[(excess <= 0).all(axis=1)]
+    if len(inside):
+        best = inside[np.argmin(overload(arm, actuation, inside))]
+        error = overload_error(actuation, arm, best, gravity_torques(arm, best))
+        message = f"{error}; that is the best of {len(inside)} postures looked at"
+        return Infeasible(message, limit=error.limit, violation=error.violation)
+    row = int(np.argmin(excess.max(axis=1)))
+    joint = int(np.argmax(excess[row]))
+    return Infeasible(
+        f"{arm.joint_names[joint]}: a position within its limits wanted, got {excess[row, joint]:.3g} rad or m "
+        f"past them in the best of {len(q)} postures that reach {position.tolist()} m",
+        limit=f"position of {arm.joint_names[joint]}",
+    )
+
+
+def planar_reach_error(table: tuple[np.ndarray, ...], position: np.ndarray) -> OutOfReach:
+    """Return the error of a position that no posture of a planar arm with three joints reaches."""
+    lengths, base = table[0], table[3][:2]
+    shortest = max(0.0, 2 * float(lengths.max()) - float(lengths.sum()))
+    return OutOfReach(
+        f"position: {position.tolist()} m is {np.linalg.norm(position - base):.10g} m from the first joint, "
+        f"the arm reaches from {shortest:.10g} m to {float(lengths.sum()):.10g} m",
+        sample=0,
+    )
+
+
+def reach_error_at(error: ParetoikError, position: np.ndarray) -> ParetoikError:
+    """Return the error of a task as one of a position: out of reach, or no posture was found."""
+    if isinstance(error, OutOfReach):
+        return OutOfReach(f"position out of reach: {str(error).split(': ', 1)[1]}", sample=0)
+    return SolverFailed(f"position: no posture was found that reaches {position.tolist()} m; more samples may")

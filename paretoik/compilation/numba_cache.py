@@ -1,0 +1,404 @@
+"""How numba compiles: once on every machine, without holding up other threads, and with a notice where it takes long.
+
+A function under ``@compiled`` has two variants with the same bits: one that Python calls, and one that compiled
+functions call, which has no wrappers and is not specialised by literal arguments. Each is compiled at its first call
+and cached on disk: in the package's folder, else in the user's, else in a temporary one. A function under
+``@c_function`` is linked by its address: its callers do not optimise its code again.
+"""
+
+from __future__ import annotations
+
+import gc
+import hashlib
+import os
+import pickle
+import stat
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from types import CodeType, FunctionType
+from typing import Any
+
+import llvmlite.binding as llvm
+import numba
+from numba.core import config, types
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, NullCache, UserWideCacheLocator
+from numba.core.ccallback import CFunc
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Flags
+from numba.core.compiler_lock import global_compiler_lock
+from numba.core.registry import CPUDispatcher
+from numba.core.sigutils import normalize_signature
+
+from paretoik.compilation_notices import SILENT, CompilationNotice, announce, begin_compilation, end_compilation
+
+# Whole-program compilation with numba: a function and all that it calls are optimised and emitted once, together.
+#
+# By itself numba optimises and emits every function with all that it calls, and again in every caller: of code in
+# many small functions most of the compile time goes there. Here the libraries of inner functions hold LLVM code only;
+# the library of the function that Python calls links them all.
+
+
+class _Library(JITCodeLibrary):
+    def _optimize_functions(self, ll_module: Any) -> None:
+        ll_module.data_layout = self._codegen._data_layout  # optimised with what is linked
+
+
+class InnerLibrary(_Library):
+    """LLVM code of a function that other compiled functions call."""
+
+    _shared_module: Any
+    _linking_libraries: list[Any]
+
+    def __init__(self, codegen: Any, name: str) -> None:
+        super().__init__(codegen, name)
+        self.environments: list[tuple[str, Any]] = []
+        self.own_module: Any = None
+
+    @property
+    def codegen(self) -> Any:
+        """Where the environment of the function is set: kept until it is emitted."""
+        return _DeferredCodegen(self)
+
+    def finalize(self) -> None:
+        """Finish the function's code: neither optimised nor emitted here."""
+        self._raise_if_finalized()
+        for library in self._linking_libraries:
+            self._reload_init.update(library._reload_init)
+        self._finalize_dynamic_globals()
+        self._finalized = True
+
+    def get_pointer_to_function(self, name: str) -> int:
+        """Return 0: there is no machine code."""
+        return 0
+
+    def _get_module_for_linking(self) -> Any:
+        """Return the code with all that it calls, for libraries that are not of this module."""
+        self._ensure_finalized()
+        if self._shared_module is None:
+            module = self.module_alone().clone()
+            for library in linked_libraries(self._linking_libraries):
+                module.link_in(_module_alone(library), preserve=True)
+            self._shared_module = module
+        return self._shared_module
+
+    def module_alone(self) -> Any:
+        """Return the code without what it calls, to be linked many times."""
+        if self.own_module is None:
+            module = self._final_module.clone()
+            for function in module.functions:
+                if not function.is_declaration and function.linkage.name == "external":
+                    function.linkage = "linkonce_odr"
+            self.own_module = module
+        return self.own_module
+
+
+class EntryLibrary(_Library):
+    """Machine code of a function and of all that it calls."""
+
+    _linking_libraries: list[Any]
+    level = 1
+
+    def finalize(self) -> None:
+        """Link, optimise and emit everything at once."""
+        libraries = linked_libraries(self._linking_libraries)
+        for library in libraries:
+            self._reload_init.update(library._reload_init)
+            self._final_module.link_in(_module_alone(library), preserve=True)
+        self._linking_libraries = []
+        super().finalize()
+        for library in libraries:
+            for name, environment in getattr(library, "environments", []):
+                if self._codegen._engine.get_global_value_address(name):
+                    self._codegen.set_env(name, environment)
+
+    def _optimize_final_module(self) -> None:
+        """Run LLVM's passes once; numba runs them twice, to remove reference counts that inner code has few of."""
+        passes, builder = self._codegen._module_pass_manager(opt=self.level)
+        passes.run(self._final_module, builder)
+
+
+class _DeferredCodegen:
+    """A code generator that keeps environments until their variables have addresses."""
+
+    def __init__(self, library: InnerLibrary) -> None:
+        self._library = library
+
+    def set_env(self, name: str, environment: Any) -> None:
+        self._library.environments.append((name, environment))
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._library._codegen, name)
+
+
+def linked_libraries(libraries: list[Any]) -> list[Any]:
+    """Return libraries and all that inner ones among them call, each once and callers first.
+
+    LLVM links a function of many definitions only where what was linked before refers to it.
+    """
+    callees_first: dict[Any, None] = {}
+    pending = [(library, False) for library in libraries]
+    while pending:
+        library, visited = pending.pop()
+        if library in callees_first:
+            continue
+        if visited or not isinstance(library, InnerLibrary):
+            callees_first[library] = None
+            continue
+        pending.append((library, True))
+        pending += [(callee, False) for callee in library._linking_libraries]
+    return list(reversed(callees_first))
+
+
+def _module_alone(library: Any) -> Any:
+    return library.module_alone() if isinstance(library, InnerLibrary) else library._get_module_for_linking()
+
+
+@contextmanager
+def compilation_unit(codegen: Any, entry: str = "", *, level: int = 1) -> Iterator[None]:
+    """Create inner libraries for all functions that are compiled meanwhile, except ``entry``.
+
+    LLVM optimises that one at a ``level`` of 3: 1 takes two thirds of the time, and most code is as fast.
+    """
+    before = codegen.__dict__.get("_library_class")
+
+    def create(codegen: Any, name: str) -> Any:
+        if name != entry:
+            return InnerLibrary(codegen, name)
+        library = EntryLibrary(codegen, name)
+        library.level = level
+        return library
+
+    create._unserialize = JITCodeLibrary._unserialize  # what the cache loads
+    codegen._library_class = create
+    try:
+        yield
+    finally:
+        if before is None:
+            del codegen._library_class
+        else:
+            codegen._library_class = before
+
+
+# numba takes settings from a file in the current folder, the folder of its cache among them, from which code is loaded:
+# that folder may be a run from anybody. Settings of the environment hold.
+config._config_fname = ""
+config.reload_config()
+
+carray = numba.carray  # an array at a pointer
+OPTIONS = {"nopython": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}  # x / 0 is inf or nan
+WITHOUT_WRAPPERS = {**OPTIONS, "no_cpython_wrapper": True}
+
+# Functions that take functions are written into their callers: with a function as argument, nothing could be cached.
+inlined = numba.njit(inline="always", nogil=True, error_model="numpy")
+
+
+def compiled(function: Any = None, *, what: str = "", seconds: float | None = None, level: int = 1) -> Any:
+    """Return a function that is compiled at its first call for each combination of argument types.
+
+    ``what`` it is for, and about how many ``seconds`` that takes, are announced before; ``level`` is LLVM's, up to 3.
+    """
+    if function is None:
+        return lambda decorated: compiled(decorated, what=what, seconds=seconds, level=level)
+    entry = _Entry(function, targetoptions=dict(OPTIONS))
+    entry.level = level
+    entry._cache = _cache(function, CompilationNotice(what=what or function.__name__, seconds=seconds))
+    return entry
+
+
+def c_function(signature: Any, *, what: str = "", seconds: float | None = None) -> Callable[[Any], Any]:
+    """Compile a function, or load it from the cache; return it as an external function for compiled callers.
+
+    ``signature`` has numbers and pointers only.
+    """
+
+    def decorate(function: Any) -> Any:
+        callback = CFunc(function, normalize_signature(signature), locals={}, options={"error_model": "numpy"})
+        callback._cache = _cache(function, CompilationNotice(what=what or function.__name__, seconds=seconds))
+        codegen = callback._targetdescr.target_context.codegen()
+        with _compiling(), compilation_unit(codegen, function.__qualname__):
+            callback.compile()
+        symbol = f"{function.__module__}.{function.__qualname__}"
+        llvm.add_symbol(symbol, callback.address)
+        return types.ExternalFunction(symbol, callback._sig)
+
+    return decorate
+
+
+class _Flags(Flags):
+    """The flags of a compilation, listed once: numba lists and compares all at every look-up of an operator."""
+
+    def __init__(self, copy_from: Any = None) -> None:
+        super().__init__(copy_from)
+        self._listed: dict[str, Any] = {}
+
+    def values(self) -> dict[str, Any]:
+        """Return the flags by name."""
+        if not self._listed:
+            self._listed = super().values()
+        return self._listed
+
+
+class _Dispatcher(CPUDispatcher):
+    def __init__(self, *args: Any, **settings: Any) -> None:
+        super().__init__(*args, **settings)
+        self._compiler._customize_flags = _Flags
+
+
+class _Inner(_Dispatcher):
+    """The variant of a function that compiled functions call."""
+
+    def compile(self, sig: Any) -> Any:
+        """Return a key of the code for a signature."""
+        with compilation_unit(self.targetctx.codegen()):
+            return super().compile(sig)
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """Return the template of a call: literal arguments are variables like others."""
+        variables = {name: types.unliteral(arg) for name, arg in kws.items()}
+        return super().get_call_template(tuple(types.unliteral(arg) for arg in args), variables)
+
+
+class _Entry(_Dispatcher):
+    """The variant of a function that Python calls."""
+
+    level = 1
+
+    def __init__(self, *args: Any, **settings: Any) -> None:
+        super().__init__(*args, **settings)
+        self.inner = _Inner(self.py_func, targetoptions=dict(WITHOUT_WRAPPERS))
+
+    @property
+    def _numba_type_(self) -> Any:
+        return self.inner._numba_type_  # compiled callers find this one
+
+    def compile(self, sig: Any) -> Any:
+        """Return the machine code for a signature."""
+        with _compiling(), compilation_unit(self.targetctx.codegen(), self.py_func.__qualname__, level=self.level):
+            return super().compile(sig)
+
+
+@contextmanager
+def _compiling() -> Iterator[None]:
+    """Hold the compiler's lock, without garbage collections: they take up to a quarter of the time."""
+    with global_compiler_lock:
+        collects = gc.isenabled()
+        gc.disable()
+        try:
+            yield
+        finally:
+            end_compilation()
+            if collects:
+                gc.enable()
+
+
+class _Announcer:
+    """Announces a compilation at once where its estimate is long, else when it has taken long; under the lock."""
+
+    def __init__(self) -> None:
+        self.notice: CompilationNotice | None = None
+        self.start = 0.0
+
+    def miss(self, notice: CompilationNotice | None) -> None:
+        """Note that the cache has not got a function, which is compiled now; an inner one has no ``notice``."""
+        begin_compilation()
+        if notice is not None:
+            self.notice, self.start = notice, time.perf_counter()
+        elapsed = time.perf_counter() - self.start
+        if self.notice is not None and max(self.notice.seconds or 0.0, elapsed) >= SILENT:
+            announce(self.notice)
+            self.notice = None
+
+
+_ANNOUNCER = _Announcer()
+
+
+class _TemporaryLocator(UserWideCacheLocator):
+    """A folder of the user among temporary files, where neither the package's nor the user's can be written."""
+
+    def __init__(self, py_func: Any, py_file: str) -> None:
+        super().__init__(py_func, py_file)
+        self._cache_path = str(_temporary_folder() / self.get_suitable_cache_subpath(py_file))
+
+
+class _EntryCacheImpl(CompileResultCacheImpl):
+    _locator_classes = (*CompileResultCacheImpl._locator_classes, _TemporaryLocator)
+
+
+class _InnerCacheImpl(_EntryCacheImpl):
+    def get_filename_base(self, fullname: str, abiflags: str) -> str:
+        return super().get_filename_base(f"{fullname}.inner", abiflags)
+
+
+class _EntryCache(FunctionCache):
+    _impl_class = _EntryCacheImpl
+    notice: CompilationNotice | None = None
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        try:
+            overload = super().load_overload(sig, target_context)
+        except (ImportError, AttributeError, EOFError, pickle.UnpicklingError):  # cut off, or of classes that are gone
+            self.flush()
+            overload = None
+        if overload is None:
+            _ANNOUNCER.miss(self.notice)
+        return overload
+
+    def _index_key(self, sig: Any, codegen: Any) -> Any:
+        return *super()._index_key(sig, codegen), _fingerprint(self._py_func)
+
+
+class _InnerCache(_EntryCache):
+    _impl_class = _InnerCacheImpl
+
+
+def _cache(function: Any, notice: CompilationNotice | None = None) -> Any:
+    """Return the cache of a variant; none where no folder can be written."""
+    try:
+        created = _InnerCache(function) if notice is None else _EntryCache(function)
+    except RuntimeError:  # no locator available
+        return NullCache()
+    created.notice = notice
+    return created
+
+
+@cache
+def _temporary_folder() -> Path:
+    """Return a folder that only this user can write: code is loaded from it."""
+    folder = Path(tempfile.gettempdir()) / f"paretoik-{os.getuid() if hasattr(os, 'getuid') else 'cache'}"
+    try:
+        folder.mkdir(mode=0o700, exist_ok=True)
+        status = folder.lstat()
+        private = stat.S_ISDIR(status.st_mode) and not status.st_mode & 0o077
+        if not hasattr(os, "getuid") or (private and status.st_uid == os.getuid()):
+            return folder
+    except OSError:
+        pass
+    return Path(tempfile.mkdtemp(prefix="paretoik-"))
+
+
+def _fingerprint(function: Any) -> str:
+    """Return a digest of all code and constants that a function's machine code is made of, in whatever files."""
+    reachable, pending = {function}, [function]
+    while pending:
+        for value in _globals(pending.pop()):
+            if isinstance(value, CPUDispatcher) and value.py_func not in reachable:
+                reachable.add(value.py_func)
+                pending.append(value.py_func)
+    return hashlib.sha256("".join(sorted(_digest(each) for each in reachable)).encode()).hexdigest()
+
+
+@cache
+def _digest(function: FunctionType) -> str:
+    code = function.__code__
+    constants = [value for value in code.co_consts if not isinstance(value, CodeType)]
+    constants += [value for value in _globals(function) if isinstance(value, int | float | str | tuple)]
+    return hashlib.sha256(code.co_code + repr(constants).encode()).hexdigest()
+
+
+def _globals(function: FunctionType) -> list[Any]:
+    """Return the globals that a function names."""
+    return [function.__globals__.get(name) for name in function.__code__.co_names]

@@ -1,0 +1,137 @@
+"""The motions of a stored run with their arm: a file may come from anybody, so they are held against their task."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from paretoik.arrays import Points
+from paretoik.errors import InvalidRun
+from paretoik.formulations.protocol import is_loop
+from paretoik.front.front import Front
+from paretoik.front.points import JointMotions
+from paretoik.inputs import shown
+from paretoik.task.motion import Motion
+from paretoik.task.motion_task import MotionTask, evaluate_motions
+from paretoik.task.retraction import Retraction, relative_errors, retract_nearest, row_scales
+from paretoik.task.task import describe_errors
+
+# Motions between motions of one task: joint positions in between, led back onto the path.
+
+
+def values_between(
+    task: MotionTask, q: Float[np.ndarray, "motions time dof"], shares: Float[np.ndarray, " shares"]
+) -> Float[np.ndarray, "gaps shares n_obj"]:
+    """Return the objectives, minimised, at shares of the way from each motion to the next; inf where none is possible.
+
+    Joints go the shortest way, whole turns of periodic ones left out.
+    """
+    motions = _motions_between(task, q, shares)
+    with np.errstate(all="ignore"):  # what is not on the path may do anything
+        F, limits, _ = evaluate_motions(task, task.motion(motions.q))
+    F[~motions.on_path.all(axis=1)] = np.inf
+    return possible_values(F, limits).reshape(len(q) - 1, len(shares), F.shape[-1])
+
+
+def points_between(
+    task: MotionTask | None, x: Points, shares: Float[np.ndarray, " shares"]
+) -> list[Float[np.ndarray, " between *point"]]:
+    """Return the points at shares of the way from each point to the next, those of motions that are on their path."""
+    if task is None:
+        between = x[:-1, None] + shares.reshape(-1, *[1] * (x.ndim - 1)) * np.diff(x, axis=0)[:, None]
+        return list(between)
+    motions = _motions_between(task, x, shares)
+    rows = motions.on_path.all(axis=1).reshape(len(x) - 1, len(shares))
+    every = motions.q.reshape(*rows.shape, *x.shape[1:])
+    return [each[good] for each, good in zip(every, rows, strict=True)]
+
+
+def _motions_between(task: MotionTask, q: np.ndarray, shares: np.ndarray) -> Retraction:
+    """Return the motions (gaps · shares, time, dof) at shares of the way from each to the next, led onto the path."""
+    step = np.diff(q, axis=0)
+    turns = np.round(step.mean(axis=1, keepdims=True) / (2 * np.pi))
+    step = step - np.where(task.arm.periodic, 2 * np.pi * turns, 0.0)
+    between = q[:-1, None] + shares[:, None, None] * step[:, None]
+    return retract_nearest(task.arm, task.tasks, between.reshape(-1, *q.shape[1:]), task.targets)
+
+
+def possible_values(
+    F: Float[np.ndarray, "points n_obj"], violation: Float[np.ndarray, "points limits"]
+) -> Float[np.ndarray, "points n_obj"]:
+    """Return objectives, inf where they have no value or a limit is exceeded by more than its whole range."""
+    possible = np.isfinite(F).all(axis=1) & ~(violation > 1.0).any(axis=1)
+    return np.where(possible[:, None], F, np.inf)
+
+
+@dataclass(frozen=True, kw_only=True)
+class StoredMotionOptions:
+    """So far a stored motion may be off its path, or a loop off what its run says: what we claim of every motion."""
+
+    tolerance: float = 1e-9  # of the arm's length, and rad; of a loop m
+
+
+OPTIONS = StoredMotionOptions()
+
+
+def restore_motions(problem: Any, front: Front) -> Any:
+    """Return the motions of a stored front with their arm: from its joint positions, or else from its genes.
+
+    Raises InvalidRun as ``motions_of_task`` does.
+    """
+    if front.motions is None:
+        return None
+    motions = motions_of_task(problem, front.motions, front.ids.tolist()) if hasattr(problem, "task") else None
+    if motions is not None:
+        if is_loop(front):
+            _check_loop(motions, front.provenance.get("position_error"))
+        return motions
+    if _is_on_path(problem):
+        raise InvalidRun("motions: the times of the problem's path wanted, got others")
+    decodes = hasattr(problem, "decode") and front.genes is not None
+    return problem.decode(np.array(front.genes)) if decodes else front.motions
+
+
+def motions_of_task(problem: Any, stored: JointMotions, ids: Sequence[int]) -> Motion | None:
+    """Return stored motions with the arm of a problem's task, joints matched by name; None where they have other times.
+
+    Raises InvalidRun where the joints are others, or a motion is off the path although tracking constrains it.
+    """
+    task: MotionTask = problem.task
+    q, names = np.asarray(stored.q), list(stored.arm.joint_names)
+    if sorted(names) != sorted(task.arm.joint_names):
+        raise InvalidRun(f"motions: joints {', '.join(task.arm.joint_names)} wanted, got {', '.join(names)}")
+    task = task.truncate(q.shape[-2])
+    if not np.allclose(stored.time, task.times, rtol=1e-9, atol=0):
+        return None
+    motions = task.motion(q[..., [names.index(name) for name in task.arm.joint_names]])
+    if _is_on_path(problem):
+        _check_tracking(task, motions, ids)
+    return motions
+
+
+def _check_loop(motions: Motion, stated: object) -> None:
+    """Raise InvalidRun unless a loop is as far off its path on average (Marcos et al. 2012, Eq. 23) as its run says."""
+    error = float(motions.position_error[..., 1:].mean())
+    if not (isinstance(stated, float | int) and abs(error - stated) <= OPTIONS.tolerance * max(error, 1.0)):
+        raise InvalidRun(f"motions: a mean distance of {shown(stated)} m from the path wanted, got {error:.6g} m")
+
+
+def _is_on_path(problem: Any) -> bool:
+    """Say whether motions of a problem follow its path exactly; loops and resolvers have errors of their own."""
+    return getattr(problem, "follows_path", False) is True
+
+
+def _check_tracking(task: MotionTask, motions: Motion, ids: Sequence[int]) -> None:
+    relative, _ = relative_errors(task.arm, task.tasks, motions.q, task.targets)
+    off = np.argwhere(~(np.abs(relative).max(axis=-1, initial=0.0) <= OPTIONS.tolerance))
+    if len(off):
+        row, sample = (int(i) for i in off[0])
+        distance = describe_errors(task.tasks, relative[row, sample] * row_scales(task.arm, task.tasks))
+        raise InvalidRun(
+            f"motions: on the path of the problem wanted, got point {ids[row]} {distance} off it at sample {sample} "
+            f"({task.times[sample]:.3g} s)"
+        )

@@ -1,0 +1,208 @@
+"""What lies between neighbours of a certified front of two objectives: jumps, and hypervolume still to be gained."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from paretoik.arrays import Mask, Objectives
+
+if TYPE_CHECKING:
+    from paretoik.front.front import Front
+
+# Tangents of a front of two objectives, from the weights of the objectives at its points.
+
+
+def tangents_meet(
+    left: Float[np.ndarray, " 2"],
+    right: Float[np.ndarray, " 2"],
+    left_weights: Float[np.ndarray, " 2"],
+    right_weights: Float[np.ndarray, " 2"],
+    *,
+    margin: float = 1e-6,
+) -> Float[np.ndarray, " 2"] | None:
+    """Return where the tangents at two neighbours meet; None unless that is between the two in both objectives.
+
+    A tangent lies across the weights. On a smooth piece of a front, whichever way it is bent, tangents meet between
+    neighbours that are close enough; across a jump they contradict each other. Weights are NaN where unknown. Where
+    tangents meet outside by a share of at most ``margin`` of the gap, they still meet inside.
+    """
+    width = right - left
+    determinant = left_weights[0] * right_weights[1] - left_weights[1] * right_weights[0]
+    if not np.isfinite(determinant) or determinant == 0.0:
+        return None
+    place = np.array([-left_weights[1], left_weights[0]]) * (right_weights @ width) / determinant
+    share = place / width
+    if np.any(share < -margin) or np.any(share > 1.0 + margin):
+        return None
+    return left + np.clip(share, 0.0, 1.0) * width
+
+
+def curve_area(values: Float[np.ndarray, "2 2"], meeting: Float[np.ndarray, " 2"] | None) -> float:
+    """Return the hypervolume that the front between two neighbours adds to them.
+
+    It is taken for the parabola that touches the tangents at both, which meet there, or else for the chord.
+    """
+    left, right = values
+    width = right - left
+    offset = 0.5 * width if meeting is None else meeting - left
+    bulge = (offset[0] * width[1] - offset[1] * width[0]) / 3  # two thirds of the triangle, below the chord positive
+    return float(bulge - 0.5 * width[0] * width[1])
+
+
+# Tolerances of preferences and of the words that explain them.
+
+
+@dataclass(frozen=True, kw_only=True)
+class PreferenceOptions:
+    """Settings of choosing; shares are of the ranges.
+
+    Scores within ``rounding`` are equal: units and offsets move them by less. ``augmentation`` is the weight of the sum
+    of all shares beside the worst one (Miettinen 1999, section 3.4.5). A point that lies less than ``hull`` above
+    straight lines between others can be reached by weights. Exchange rates hold as far as they predict within a share
+    ``prediction``. Up to so many ``described`` objectives every comparison has a sentence.
+    Mixtures that might beat a point begin with its ``neighbours`` nearest points.
+    """
+
+    rounding: float = 1e-9
+    augmentation: float = 1e-4
+    hull: float = 1e-6
+    prediction: float = 0.1
+    described: int = 3
+    neighbours: int = 30
+
+
+PREFERENCE_OPTIONS = PreferenceOptions()
+
+
+# Which points of a front weights can reach: those on its convex hull.
+
+
+def supported(front: Front) -> Mask:
+    """Mark the points that have the least weighted sum of shares for some weights, a millionth of the ranges aside.
+
+    The others lie above the convex hull: a mixture of points is better in every objective, so that for any weights one
+    of these has a smaller sum.
+    """
+    return _on_lower_hull(front.shares) if len(front.names) == 2 else _unmatched_by_mixtures(front.shares)
+
+
+def _on_lower_hull(shares: Objectives) -> Mask:
+    """Mark points (points, 2) by the lower convex hull; Andrew 1979, Information Processing Letters 9(5)."""
+    hull = list[tuple[float, float]]()
+    for x, y in sorted(map(tuple, shares.tolist())):
+        if hull and x == hull[-1][0]:  # no better than the one before
+            continue
+        while len(hull) > 1 and _turns_right(hull[-2], hull[-1], (x, y)):
+            hull.pop()
+        hull.append((x, y))
+    corners_x, corners_y = np.array(hull).T
+    heights = np.interp(shares[:, 0] - PREFERENCE_OPTIONS.hull, corners_x, corners_y, left=np.inf)
+    return np.asarray(shares[:, 1] - PREFERENCE_OPTIONS.hull < heights)
+
+
+def _turns_right(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> bool:
+    return (b[0] - a[0]) * (c[1] - a[1]) <= (b[1] - a[1]) * (c[0] - a[0])
+
+
+def _unmatched_by_mixtures(shares: Objectives) -> Mask:
+    """Mark points (points, n_obj) that no mixture of points beats, by least-squares problems.
+
+    A mixture beats p if λ, s >= 0 exist with Σλ = 1 and Σ λ_q Z_q + s = Z_p − δ. The least residual of a point on the
+    hull is at least δ/√n_obj. Mixtures begin with the points near p and the best of every objective. While the
+    residual r separates p from these but not from all points, the point farthest along r joins (column generation).
+    """
+    from scipy.optimize import nnls  # here: it takes its time
+    from scipy.spatial import KDTree
+
+    points, size = shares.shape
+    _, near = KDTree(shares).query(shares, k=np.arange(1, min(PREFERENCE_OPTIONS.neighbours, points) + 1))
+    ends = shares.argmin(axis=0)
+    unmatched = np.ones(points, dtype=bool)
+    for row, point in enumerate(shares):
+        columns = np.unique(np.concatenate([near[row], ends]))
+        target = np.append(point - PREFERENCE_OPTIONS.hull, 1.0)
+        while True:
+            slack = np.vstack([np.eye(size), np.zeros(size)])
+            matrix = np.hstack([np.vstack([shares[columns].T, np.ones(len(columns))]), slack])
+            mixture, residual = nnls(matrix, target)
+            if residual <= 0.1 * PREFERENCE_OPTIONS.hull:
+                unmatched[row] = False
+                break
+            direction = target - matrix @ mixture
+            farthest = int(np.argmax(shares @ direction[:-1]))
+            if farthest in columns:  # the optimum over all points, rounding aside
+                break
+            columns = np.append(columns, farthest)
+    return unmatched
+
+
+@dataclass(frozen=True, kw_only=True)
+class JumpOptions:
+    """Between two neighbours so many ``places`` are looked at, evenly spaced.
+
+    A barrier is higher than ``height``, a share of the front's extent: less is what solvers leave open.
+    """
+
+    places: int = 7
+    height: float = 1e-6
+
+
+OPTIONS = JumpOptions()
+
+
+def find_jumps(front: Front) -> tuple[tuple[int, int], ...] | None:
+    """Return the neighbours, as pairs of ids, with a barrier between them; None where that is not known.
+
+    On one branch the optimum moves continuously from one neighbour to the other, and what lies halfway is, to first
+    order, a trade-off between the two: no worse than the worse of them in either objective. Between two branches, or
+    valleys, it is. Tangents cannot tell a jump: where branches cross they agree with a front that bulges out, and at an
+    inflection of one branch they contradict each other.
+    """
+    between = getattr(front.problem, "values_between", None)
+    if not _has_order(front) or between is None:
+        return None
+    if len(front) < 2:
+        return ()
+    values, inner = front.minimised, between(front, np.arange(1, OPTIONS.places + 1) / (OPTIONS.places + 1))
+    corners = np.maximum(values[:-1], values[1:]) + OPTIONS.height * np.ptp(values, axis=0)
+    barrier = (inner > corners[:, None]).any(axis=(1, 2))
+    return tuple((int(front.ids[i]), int(front.ids[i + 1])) for i in np.flatnonzero(barrier))
+
+
+def missing_hypervolume(front: Front) -> float | None:
+    """Return the estimated share of the hypervolume that the points miss; None where it is not defined."""
+    if not _has_order(front) or len(front) < 2:
+        return None
+    rows = _order(front)
+    values, normals = front.minimised[rows], _normals(front)[rows]
+    pairs = [[i, j] for i, j in pairwise(range(len(rows))) if (values[i] != values[j]).all()]
+    missing = sum(curve_area(values[pair], tangents_meet(*values[pair], *normals[pair])) for pair in pairs)
+    steps = (values[-1, 0] - values[1:, 0]) * (values[:-1, 1] - values[1:, 1])
+    whole = float(steps.sum()) + missing
+    return missing / whole if whole > 0 else 0.0
+
+
+def _has_order(front: Front) -> bool:
+    return len(front.names) == 2 and front.certificates is not None
+
+
+def _order(front: Front) -> Int[np.ndarray, " points"]:
+    """Return the rows by the first objective, the best first."""
+    return np.argsort(front.minimised[:, 0], kind="stable")
+
+
+def _normals(front: Front) -> Float[np.ndarray, "points 2"]:
+    """Return the weights of the minimised objectives, in natural units, that the exchange rates are those of.
+
+    Where one objective has no weight it is the other's alone; NaN where there is no reliable rate.
+    """
+    assert front.certificates is not None
+    sign = np.prod(np.where(front.maximised, -1.0, 1.0))
+    rates = sign * front.certificates.exchange_rates[:, 0, 1]
+    normals = np.stack([-rates, np.ones(len(front))], axis=1)
+    return np.where(front.certificates.weak[:, None], np.round(front.certificates.weights), normals)

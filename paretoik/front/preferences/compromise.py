@@ -1,0 +1,203 @@
+"""The compromise: what the word means wherever this project says it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from paretoik.arrays import Ids, Objectives, Values
+from paretoik.errors import InvalidInput
+from paretoik.front.choice import Choice, first_row, percent, subject
+from paretoik.front.front import Front
+from paretoik.front.geometry import PREFERENCE_OPTIONS as OPTIONS
+from paretoik.front.points import check_front, check_has_points, row_of
+from paretoik.inputs import check_call
+from paretoik.tables import html_representation
+
+# A preference for one point, by its id.
+
+
+@dataclass(frozen=True)
+class Point:
+    """The point with an id, picked by hand: what ``front.select(12)`` means."""
+
+    point: int
+
+    _repr_html_ = html_representation
+
+    def choose(self, front: Front) -> Choice:
+        """Return the point; raises InvalidInput where the front does not have it."""
+        row = row_of(front, self.point, name="select: point")
+        return front.choice(row, f"Point {front.ids[row]} of {len(front)} was picked by its id.", preference=self)
+
+
+# The knee of a front as a preference.
+
+
+@check_call
+@dataclass(frozen=True, kw_only=True)
+class Knee:
+    """The knee: the point from which any step costs the most beside what it gains.
+
+    Of two objectives the point farthest below the straight line between the ends of the front, whatever the ranges (Das
+    1999, "On characterizing the 'knee' of the Pareto curve based on normal-boundary intersection").
+    Of more the point with the largest least trade-off: exchanging p for q costs Σ max(0, Z_q − Z_p) in shares and gains
+    Σ max(0, Z_p − Z_q); the least ratio of the two over all q is the least trade-off of p (Rachmawati and Srinivasan
+    2009, IEEE Trans. Evolutionary Computation 13(4), μ(x_i, S)). Where points are dense the nearest exchange gains
+    about what it costs, so that ratios are near 1 or below: the knee has the largest, whatever its size. A point that
+    is the best in every objective, rounding aside, is the knee.
+
+    ``choose`` raises InvalidInput where there is no knee: of one objective, and of two where no point lies below the
+    line (a straight or hollow front).
+    """
+
+    _repr_html_ = html_representation
+
+    def choose(self, front: Front) -> Choice:
+        """Return the knee; raises InvalidInput where there is none."""
+        check_front(front)
+        if len(front.names) == 1:
+            raise InvalidInput("knee: wanted two objectives or more, got one, whose best point is the answer")
+        best = (front.shares <= front.shares.min(axis=0) + OPTIONS.rounding).all(axis=1)
+        if best.any():
+            row = first_row(front, np.zeros(len(front)), best)
+            words = (
+                "is as good as any: all are equal"
+                if best.all()
+                else "is the knee: it is the best in every objective, rounding aside"
+            )
+            return front.choice(row, f"{subject(front, row)} {words}.", preference=self)
+        return self._below_line(front) if len(front.names) == 2 else self._least_trade_off(front)
+
+    def _below_line(self, front: Front) -> Choice:
+        depths = _depths(front)
+        row = first_row(front, -depths)
+        if depths[row] <= OPTIONS.rounding:
+            raise InvalidInput(
+                f"knee: wanted a point below the straight line between the ends, got none among {len(front)}: "
+                "no knee; Compromise or Aspiration choose on such a front"
+            )
+        ends = [first_row(front, front.shares[:, axis]) for axis in range(2)]
+        return front.choice(
+            row,
+            f"{subject(front, row)} is the knee: it lies farthest below the straight line between the ends, points "
+            f"{front.ids[ends[0]]} and {front.ids[ends[1]]}: {percent(depths[row])} of the way from the line to the "
+            "best of both.",
+            preference=self,
+            score=-float(depths[row]),
+            details={"depth": float(depths[row]), "ends": tuple(int(front.ids[end]) for end in ends)},
+        )
+
+    def _least_trade_off(self, front: Front) -> Choice:
+        ratios = _least_trade_offs(front)
+        row = first_row(front, -ratios)
+        other = int(front.ids[first_row(front, _trade_offs(front, row))])
+        return front.choice(
+            row,
+            f"{subject(front, row)} is the knee, with the largest least trade-off: going from it to any other costs at "
+            f"least {ratios[row]:.3g} times what it gains, in shares of the ranges; going to point "
+            f"{other} costs that little.",
+            preference=self,
+            score=-float(ratios[row]),
+            details={"least_trade_off": float(ratios[row]), "nearest_exchange": other},
+        )
+
+
+def _depths(front: Front) -> Values:
+    """Return how far points lie below the line between the ends, 1 at the corner that is best in both objectives."""
+    shares = front.shares
+    first, second = (shares[first_row(front, shares[:, axis])] for axis in range(2))
+    width, height = second[0] - first[0], first[1] - second[1]  # both positive, as no point is the best in both
+    depths: Values = 1.0 - (shares[:, 0] - first[0]) / width - (shares[:, 1] - second[1]) / height
+    return depths
+
+
+def _least_trade_offs(front: Front) -> Values:
+    """Return the least trade-off of every point, over all exchanges."""
+    return np.array([_trade_offs(front, row).min() for row in range(len(front))])
+
+
+def _trade_offs(front: Front, row: int) -> Values:
+    """Return what each exchange of a row's point costs over what it gains; inf if it gains nothing."""
+    shares = np.ascontiguousarray(front.shares.T)
+    steps = shares - shares[:, row, None]
+    steps[np.abs(steps) <= OPTIONS.rounding] = 0.0
+    costs, gains = np.maximum(steps, 0.0).sum(axis=0), -np.minimum(steps, 0.0).sum(axis=0)
+    ratios = np.full(len(front), np.inf)
+    np.divide(costs, gains, out=ratios, where=gains > 0)
+    return ratios
+
+
+COMPROMISE_IN_WORDS = "the point whose hardest-hit objective gives up the least, as a share of its range on the front"
+
+
+@check_call
+@dataclass(frozen=True, kw_only=True)
+class Compromise:
+    """The compromise: the point whose hardest-hit objective gives up the least, as a share of its range.
+
+    It has the least max Z + 1e-4 ΣZ, Z = (f − ideal)/(nadir − ideal) on the stored ranges: compromise programming with
+    the Chebyshev distance (Yu 1973; Zeleny 1973). Unlike the point of equal weights it exists on hollow fronts too,
+    where weights reach ends alone, and naming an objective twice does not move it (its augmentation aside). Of one
+    objective it is the best point.
+    """
+
+    _repr_html_ = html_representation
+
+    def choose(self, front: Front) -> Choice:
+        """Return the compromise of a front that has at least one point."""
+        check_front(front)
+        scores = score_shares(front.shares)
+        row = first_row(front, scores)
+        worst = int(front.shares[row].argmax())
+        given_up = f", {COMPROMISE_IN_WORDS}: {percent(front.shares[row, worst])}, of {front.names[worst]}"
+        return front.choice(
+            row,
+            f"{subject(front, row)} is the compromise{given_up if len(front) > 1 else ''}.",
+            preference=self,
+            score=float(scores[row]),
+        )
+
+
+def score_shares(shares: Objectives) -> Values:
+    """Return what the compromise has least, of points by their shares of the ranges (points, n_obj)."""
+    columns = np.ascontiguousarray(shares.T)  # reducing rows of a few numbers takes NumPy ten times as long
+    scores: Values = columns.max(axis=0) + OPTIONS.augmentation * columns.sum(axis=0)
+    return scores
+
+
+def compromise(front: Front) -> Choice:
+    """Return the compromise of a front (``Compromise``), which is kept nowhere.
+
+    Raises Infeasible where the front is empty.
+    """
+    check_has_points(front, "compromise")
+    return Compromise().choose(front)
+
+
+# The points of a front that pictures and recordings mark: the best of every objective, and the compromise.
+
+
+def marked_rows(F: Objectives, ids: Ids) -> list[tuple[int, int | None]]:
+    """Return the best of every objective, minimised, as rows and axes, and the compromise, whose axis is None.
+
+    The compromise is that on the points' own ranges; of one objective it is the best point, and all.
+    """
+    shares = np.array(F.T, order="C")  # a copy that becomes shares in place: a search does this in every generation
+    shares -= shares.min(axis=1, keepdims=True)
+    width = shares.max(axis=1, keepdims=True)
+    shares /= np.where(width > 0, width, 1.0)
+    scores = score_shares(shares.T)
+    best = enumerate(best_rows(F, ids)) if F.shape[1] > 1 else ()
+    return [*((row, axis) for axis, row in best), (_lowest(scores, ids), None)]
+
+
+def best_rows(F: Objectives, ids: Ids) -> list[int]:
+    """Return the row of the best point of every objective, minimised; of equal ones that of the lowest id."""
+    return [_lowest(values, ids) for values in F.T]
+
+
+def _lowest(values: Values, ids: Ids) -> int:
+    rows = np.flatnonzero(values == values.min())
+    return int(rows[ids[rows].argmin()])

@@ -1,0 +1,166 @@
+"""Elastic inequalities of an interior-point method, compiled.
+
+A constraint c ≥ 0 becomes c − s + t = r with s, t > 0 and a residual r that vanishes: the objective gets the barrier
+−μ log s − μ log t and the penalty times t. The multiplier of s is z, that of t is penalty − z. For a given c the best s
+and t are known (``slacks``); taken at every c, they leave r = 0, and constraints only add a smooth function of c, which
+tends to penalty · max(0, −c) as μ falls. Source: the exact penalty of Nocedal & Wright, Numerical Optimization,
+section 17.2, and their barrier, chapter 19.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from paretoik.compilation.numba_cache import compiled
+
+ASYMPTOTE = 1e6  # |penalty · c| / μ beyond which the exact root would lose its digits to cancellation
+MULTIPLIER_ROUNDING = 1e-15  # of the penalty: the least distance of z from 0 and from the penalty
+
+
+@compiled
+def slacks(c, mu, penalty):
+    """Return (s, t), the best for a constraint value."""
+    root = np.sqrt((penalty * c) ** 2 + 4 * mu * mu)
+    if c > 0:
+        t = (2 * mu - penalty * c + root) / (2 * penalty) if penalty * c < ASYMPTOTE * mu else mu / penalty
+        return c + t, t
+    s = (2 * mu + penalty * c + root) / (2 * penalty) if -penalty * c < ASYMPTOTE * mu else mu / penalty
+    return s, s - c
+
+
+@compiled
+def reset_slacks(c, mu, penalty, s, t, r):
+    """Write the best slacks; they leave no residual."""
+    for i in range(len(c)):
+        s[i], t[i] = slacks(c[i], mu, penalty)
+        r[i] = 0.0
+
+
+@compiled
+def begin_slacks(c, mu, penalty, shortest, s, t, r):
+    """Write slacks of at least ``shortest``, whatever the violations, and the residuals that are left."""
+    for i in range(len(c)):
+        t[i] = mu / penalty
+        s[i] = max(c[i] + t[i], shortest)
+        r[i] = min(0.0, c[i] + t[i] - s[i])
+
+
+@compiled
+def step_slacks(c, s, t, ds, dt, length, trial_s, trial_t, trial_r):
+    """Write the slacks after a step, and the residuals where they are too long; none is shorter than c allows."""
+    for i in range(len(c)):
+        trial_s[i], trial_t[i] = s[i] + length * ds[i], t[i] + length * dt[i]
+        trial_r[i] = c[i] - trial_s[i] + trial_t[i]
+        if trial_r[i] > 0.0:
+            trial_s[i] += trial_r[i]
+            trial_r[i] = 0.0
+
+
+@compiled
+def merit_terms(s, t, mu, penalty):
+    """Return what slacks add to the merit function, 0 where c is far from its bound except for the barrier."""
+    total = 0.0
+    for i in range(len(s)):
+        total += penalty * t[i] - mu * np.log(s[i]) - mu * np.log(t[i] * penalty / mu)
+    return total
+
+
+@compiled
+def central_multipliers(s, mu, penalty, z):
+    """Write the multipliers on the central path, s z = μ."""
+    for i in range(len(s)):
+        z[i] = min(mu / s[i], (1 - MULTIPLIER_ROUNDING) * penalty)
+
+
+@compiled
+def approach_central_path(s, mu, penalty, factor, z):
+    """Bring multipliers within a factor of the central path, x being as good as rounding can tell.
+
+    Those that are already keep their digits.
+    """
+    for i in range(len(s)):
+        central = mu / s[i]
+        z[i] = min(max(z[i], central / factor), central * factor, (1 - MULTIPLIER_ROUNDING) * penalty)
+
+
+@compiled
+def complementarity_and_violation(c, s, z, mu):
+    """Return (the largest |s z − μ|, the largest violation)."""
+    complementarity, violation = 0.0, 0.0
+    for i in range(len(c)):
+        complementarity = max(complementarity, abs(s[i] * z[i] - mu))
+        violation = max(violation, -c[i])
+    return complementarity, violation
+
+
+@compiled
+def barrier_terms(s, t, r, z, mu, penalty, stiffness, force):
+    """Write each constraint's stiffness Σ in Newton's system, and the multiplier that its right side has for z."""
+    for i in range(len(s)):
+        w = penalty - z[i]
+        stiffness[i] = 1.0 / (s[i] / z[i] + t[i] / w)
+        force[i] = z[i] + stiffness[i] * (mu / z[i] - s[i] - mu / w + t[i] - r[i])
+
+
+@compiled
+def newton_slacks(s, t, r, z, dz, dc, mu, penalty, ds, dt):
+    """Write Newton's steps of the slacks: s z = μ and t (penalty − z) = μ, linearised.
+
+    The longer slack follows from dc − ds + dt = −r, where that rounds less.
+    """
+    for i in range(len(s)):
+        w = penalty - z[i]
+        ds[i] = mu / z[i] - s[i] - s[i] / z[i] * dz[i]
+        if s[i] < t[i]:
+            dt[i] = ds[i] - dc[i] - r[i]
+        else:
+            dt[i] = mu / w - t[i] + t[i] / w * dz[i]
+            ds[i] = dc[i] + dt[i] + r[i]
+
+
+@compiled
+def limit_implied_step(c, s, dc, mu, length, fraction):
+    """Return (slope of the merit terms along dc, the step length, at most ``length``, that keeps all s positive).
+
+    For slacks that follow c. Fraction to the boundary: Nocedal & Wright, Eq. 19.9.
+    """
+    slope = 0.0
+    for i in range(len(c)):
+        slope -= mu / s[i] * dc[i]
+        if c[i] > 0 and dc[i] * length < -fraction * s[i]:
+            length = -fraction * s[i] / dc[i]
+    return slope, length
+
+
+@compiled
+def limit_step(s, t, ds, dt, mu, penalty, length, fraction):
+    """Return the same for slacks with steps of their own."""
+    slope = 0.0
+    for i in range(len(s)):
+        slope += penalty * dt[i] - mu * ds[i] / s[i] - mu * dt[i] / t[i]
+        if ds[i] * length < -fraction * s[i]:
+            length = -fraction * s[i] / ds[i]
+        if dt[i] * length < -fraction * t[i]:
+            length = -fraction * t[i] / dt[i]
+    return slope, length
+
+
+@compiled
+def step_multipliers(dz, s, t, mu, penalty, options, z):
+    """Move the multipliers by Newton's step while they stay positive, near the central path of the slacks ahead.
+
+    Wächter & Biegler 2006, Eq. 16.
+    """
+    fraction, spread, length = options.boundary_fraction, options.multiplier_range, 1.0
+    for i in range(len(z)):
+        if dz[i] * length < -fraction * z[i]:
+            length = -fraction * z[i] / dz[i]
+        if dz[i] * length > fraction * (penalty - z[i]):
+            length = fraction * (penalty - z[i]) / dz[i]
+    for i in range(len(z)):
+        target = z[i] + length * dz[i]
+        target = min(max(target, mu / s[i] / spread), mu / s[i] * spread)
+        w = min(max(penalty - target, mu / t[i] / spread), mu / t[i] * spread)
+        if w != penalty - target:
+            target = min(max(penalty - w, MULTIPLIER_ROUNDING * penalty), (1 - MULTIPLIER_ROUNDING) * penalty)
+        z[i] = target

@@ -1,0 +1,112 @@
+"""The steps of the interior-point method that depend on what is minimised; every class of kernels implements all.
+
+A kernel is a NamedTuple of arrays, passed by reference, that describes one program to compiled code:
+
+    minimise    weights · F(x)
+    subject to  h(x) = 0,  c(x) ≥ 0,  rows · F(x) ≤ upper
+
+The method walks along h(x) = 0: ``linearise`` finds a basis Z of the null space of ∂h/∂x, steps are Z · (reduced
+step), and ``retract`` leads back. The Newton matrix, reduced to Z, is a banded block with a border, [[A, B], [Bᵀ, C]]:
+A (size, band) holds entry (i, i − d) at [i, d]; a dense matrix is one whose band is as wide as its size. numba chooses
+the implementation by the kernel's class when it compiles the method (``implement``), so that no call is indirect.
+Every kernel also says its ``longest_step``, in units of x, what ``penalty`` is usual, whether slacks are implied
+(``elastic``), and ``large_multiplier``, the mean of the multipliers beyond which errors count relative to it (Wächter &
+Biegler 2006, Eq. 5).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from numba.extending import overload
+
+from paretoik.compilation.array_tuples import Reference
+
+JIT_OPTIONS = {"nogil": True, "error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+
+
+def implement(step: Callable[..., Any], kernel_class: type) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Register the decorated function as what a step does for kernels of a class."""
+
+    def register(function: Callable[..., Any]) -> Callable[..., Any]:
+        def choose(kernel: Any, *others: Any) -> Callable[..., Any] | None:
+            suits = isinstance(kernel, Reference) and kernel.target.instance_class is kernel_class
+            return function if suits else None
+
+        overload(step, strict=False, jit_options=JIT_OPTIONS)(choose)
+        return function
+
+    return register
+
+
+def dimensions(kernel: Any, x: Any) -> Any:
+    """Return (size, band, border) of the Newton matrix and how many inequalities c there are."""
+
+
+def objective_scale(kernel: Any, weights: Any) -> Any:
+    """Return the size of weights · F that penalty, barrier and tolerances are relative to."""
+
+
+def allocate_workspace(kernel: Any, x: Any) -> Any:
+    """Return the arrays that the other steps write into."""
+
+
+def add_auxiliary(kernel: Any, work: Any, x: Any) -> Any:
+    """Return a copy of x with auxiliary unknowns that follow from it, if there are any."""
+
+
+def remove_auxiliary(kernel: Any, x: Any) -> Any:
+    """Return x without its auxiliary unknowns."""
+
+
+def set_smoothing(kernel: Any, work: Any, mu: Any) -> Any:
+    """Smooth kinks as far as a barrier asks; return whether objectives and constraints depend on it."""
+
+
+def restore(kernel: Any, work: Any, x: Any) -> Any:
+    """Move x onto h(x) = 0, in place; return the largest |h| that is left, 0 where it is there."""
+
+
+def evaluate(kernel: Any, work: Any, x: Any, F: Any, c: Any) -> Any:
+    """Write objectives F and the first entries of c at x."""
+
+
+def linearise(kernel: Any, work: Any, x: Any) -> Any:
+    """Prepare first derivatives and the basis Z at x; return False where ∂h/∂x has not full rank."""
+
+
+def reduced_gradient(kernel: Any, work: Any, weights: Any, multipliers: Any, out: Any) -> Any:
+    """Write Zᵀ ∇(weights · F − multipliers · c); without any multipliers c is left out."""
+
+
+def prepare_multipliers(kernel: Any, work: Any, weights: Any) -> Any:
+    """Prepare the weights of the Hessian and the multipliers of h that belong to the gradient that was just reduced."""
+
+
+def residual_norm(kernel: Any, residual: Any) -> Any:
+    """Return the norm of a reduced gradient that the tolerance of stationarity is for."""
+
+
+def assemble(kernel: Any, work: Any, stiffness: Any, A: Any, B: Any, C: Any) -> Any:
+    """Write Zᵀ (∇²L + ∂cᵀ diag(stiffness) ∂c) Z; return the size of its diagonal, for multiples of the identity."""
+
+
+def expand_step(kernel: Any, work: Any, step: Any, dx: Any) -> Any:
+    """Write dx = Z · step; return the largest entry."""
+
+
+def directional_derivatives(kernel: Any, work: Any, dx: Any, dF: Any, dc: Any) -> Any:
+    """Write the derivatives of F and c along dx."""
+
+
+def row_width(kernel: Any, work: Any) -> Any:
+    """Return how many entries rows of Zᵀ ∂c have at most."""
+
+
+def constraint_rows(kernel: Any, work: Any, columns: Any, entries: Any) -> Any:
+    """Write the rows of ∂c Z where x was linearised: ``entries`` and their ``columns``; what is left over is 0 at 0."""
+
+
+def retract(kernel: Any, work: Any, x: Any, dx: Any, length: Any, trial: Any) -> Any:
+    """Write the point of h = 0 that x + length · dx leads to; return whether it got there."""

@@ -1,1 +1,0 @@
-"""What runs compiled: numba code on plain arrays, nothing else."""

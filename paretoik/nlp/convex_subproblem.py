@@ -1,0 +1,376 @@
+"""The convex subproblem of steps and of the criticality, stated in cvxpy and solved by Clarabel.
+
+minimise    gᵀd + ½ dᵀHd + penalty · t
+subject to  c + J d + t ≥ 0       elastic inequalities: violated by at most t, at a penalty
+            c + J d ≥ 0           inequalities that tie auxiliary columns
+            |dᵢ| ≤ radius         steps along the equalities: the trust region
+            ‖values + rows d‖ ≤ d[column] + ‖values‖     cones
+            t ≥ 0
+
+A step of sequential quadratic programming solves it as it is. The criticality (``nlp.criticality``) is its special case
+without gᵀd + ½ dᵀHd: the trust region is a ball and t is free.
+
+The statement has Parameters for all numbers and is canonicalised once for each pattern: the structure of a program, not
+which of its numbers are 0. A solution then takes one product of cvxpy's matrix from parameters to data with their
+values, leaves out the inequalities that no step within the trust region reaches, and runs Clarabel on the rest. Source:
+Nocedal & Wright, Numerical Optimization, section 18.5, with the largest violation as penalty.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import clarabel
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from scipy import sparse
+
+from paretoik.errors import SolverFailed
+from paretoik.nlp.program import CLARABEL_TOLERANCE, Constraints, Structure
+
+# Statements in cvxpy that are canonicalised once and then solved by Clarabel for any values of their parameters.
+#
+# minimise    ½ xᵀPx + qᵀx subject to  b − Ax ∈ K, a product of zero, nonnegative and second-order cones
+#
+# cvxpy's canonical form is linear in the parameters: one product of its matrix with the vector of their values gives
+# all of Clarabel's data. This reads cvxpy's own canonical form, which tests hold against cvxpy's ``solve``.
+
+
+class Pattern(NamedTuple):
+    """What a statement depends on besides numbers."""
+
+    unknowns: int
+    jacobian: Structure
+    cones: tuple[tuple[int, Structure], ...]
+
+    @classmethod
+    def of(cls, constraints: Constraints) -> Pattern:
+        """Return that of constraints."""
+        cones = tuple((cone.column, Structure.of(cone.rows)) for cone in constraints.cones)
+        return cls(constraints.unknowns, Structure.of(constraints.jacobian), cones)
+
+
+class Parameters:
+    """The parameters of a statement, in the order in which they were made; sparse ones have a Structure."""
+
+    def __init__(self) -> None:
+        self._parameters = list[tuple[Any, Structure | None, int]]()  # each with how many numbers it has
+
+    def dense(self, *shape: int) -> Any:
+        """Return a new parameter of a shape."""
+        import cvxpy  # here: importing it takes two seconds
+
+        parameter = cvxpy.Parameter(shape)
+        self._parameters.append((parameter, None, parameter.size))
+        return parameter
+
+    def sparse(self, structure: Structure) -> Any:
+        """Return a new parameter whose entries stand where a structure has any; zeros for one without entries."""
+        import cvxpy  # here: importing it takes two seconds
+
+        if not structure.indices:
+            return np.zeros(structure.shape)
+        row, column = structure.places
+        parameter = cvxpy.Parameter(structure.shape, sparsity=(row, column))
+        self._parameters.append((parameter, structure, len(row)))
+        return parameter
+
+    @property
+    def size(self) -> int:
+        """How many numbers the parameters have in all."""
+        return sum(count for _, _, count in self._parameters)
+
+    def assign(self, numbers: Float[np.ndarray, " numbers"]) -> None:
+        """Give all parameters their values: dense ones by rows, sparse ones as compressed sparse rows."""
+        first = 0
+        for parameter, structure, count in self._parameters:
+            values = numbers[first : first + count]
+            first += count
+            if structure is None:
+                parameter.value = values.reshape(parameter.shape)
+            else:
+                entries = sparse.csr_array((values, structure.places), shape=structure.shape)
+                ordered = np.asarray(entries[parameter.sparse_idx]).ravel()  # cvxpy has an order of its own
+                parameter.value_sparse = sparse.coo_array((ordered, parameter.sparse_idx), shape=structure.shape)
+
+
+def state_cones(pattern: Pattern, d: Any, parameters: Parameters) -> list[Any]:
+    """Return ‖values + rows d‖ ≤ d[column] + ‖values‖ for every cone."""
+    import cvxpy  # here: importing it takes two seconds
+
+    cones = []
+    for column, structure in pattern.cones:
+        length, values = parameters.dense(), parameters.dense(structure.shape[0])
+        cones.append(cvxpy.SOC(d[column] + length, values + parameters.sparse(structure) @ d))
+    return cones
+
+
+def parameter_values(*first: Any, constraints: Constraints, scales: np.ndarray) -> Float[np.ndarray, " numbers"]:
+    """Return the numbers of a statement whose parameters are ``first``, then J / ``scales``, then those of cones."""
+    numbers = [*first, constraints.jacobian.data / scales[constraints.entries.row]]
+    for cone in constraints.cones:
+        numbers += [[np.linalg.norm(cone.values)], cone.values, cone.rows.data]
+    return np.concatenate(numbers)
+
+
+class Statement(NamedTuple):
+    """A statement in cvxpy: its variables d and t, its inequalities, None for none, and its cones."""
+
+    problem: Any
+    parameters: Parameters
+    d: Any
+    t: Any
+    inequalities: Any
+    cones: list[Any]
+
+
+class CanonicalForm:
+    """A statement canonicalised: minimise ½ xᵀPx + qᵀx with b − Ax in cones, q, A and b linear in the parameters."""
+
+    def __init__(self, statement: Statement) -> None:
+        import cvxpy  # here: importing it takes two seconds
+        from cvxpy.cvxcore.python.canonInterface import get_parameter_vector
+
+        problem, parameters = statement.problem, statement.parameters
+        # Entries of all parameters are numbered from 2 on, 1 being the constant, and looked for in cvxpy's own vector.
+        parameters.assign(np.arange(2.0, parameters.size + 2.0))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # cvxpy reads its own sparse parameters as dense ones
+            canonical = problem.get_problem_data(cvxpy.CLARABEL)[0]["param_prob"]
+        values = {parameter.id: np.asarray(parameter.value) for parameter in canonical.parameters}
+        numbers = get_parameter_vector(
+            canonical.total_param_size, canonical.param_id_to_col, canonical.param_id_to_size, values.__getitem__
+        )
+        self._order = np.round(numbers).astype(int) - 1
+        self._linear, self._matrix = sparse.csr_array(canonical.q)[:-1], canonical.reduced_A.reduced_mat
+        self._indices, self._indptr, (self.rows, width) = canonical.reduced_A.problem_data_index
+        self._first = dict(canonical.var_id_to_col)
+        self.variables, self._equalities = width - 1, canonical.cone_dims.zero
+        self._cones = list(canonical.cone_dims.soc)
+
+    def columns(self, variable: Any) -> np.ndarray:
+        """Return where the entries of a variable stand in x."""
+        return np.asarray(self._first[variable.id] + np.arange(variable.size))
+
+    def rows_in_use(self, rows: int, near: np.ndarray) -> Bool[np.ndarray, " rows"]:
+        """Return which rows of A are used where of the first ``rows``, the inequalities, those ``near`` are."""
+        mask = np.ones(self.rows, dtype=bool)
+        mask[:rows] = False
+        mask[near] = True
+        return mask
+
+    def solve(
+        self,
+        name: str,
+        numbers: Float[np.ndarray, " numbers"],
+        mask: Bool[np.ndarray, " rows"],
+        tolerance: float,
+        P: sparse.csc_matrix | None = None,
+    ) -> tuple[Float[np.ndarray, " variables"], Float[np.ndarray, " used"]]:
+        """Return x and the dual variables for values of the parameters, of the rows of A in a ``mask`` alone.
+
+        Rows of cones have to be in it; gaps and infeasibilities are within ``tolerance``. Raises SolverFailed, naming
+        the program, where Clarabel ends without a solution.
+        """
+        vector = np.append(1.0, numbers)[self._order]
+        A, b = self._cut(self._matrix @ vector, mask)
+        linear = len(b) - self._equalities - sum(self._cones)
+        cones: list[Any] = [
+            *([clarabel.ZeroConeT(self._equalities)] if self._equalities else []),
+            *([clarabel.NonnegativeConeT(linear)] if linear else []),
+            *map(clarabel.SecondOrderConeT, self._cones),
+        ]
+        settings = clarabel.DefaultSettings()
+        settings.verbose = False
+        settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
+        P = sparse.csc_matrix((self.variables, self.variables)) if P is None else P
+        solution = clarabel.DefaultSolver(P, self._linear @ vector, A, b, cones, settings).solve()
+        if str(solution.status) not in ("Solved", "AlmostSolved"):
+            raise SolverFailed(f"{name}: Clarabel wanted to end with Solved, got {solution.status}")
+        return np.array(solution.x), np.array(solution.z)
+
+    def _cut(self, entries: np.ndarray, mask: np.ndarray) -> tuple[sparse.csc_matrix, np.ndarray]:
+        """Return A and b of the rows in a ``mask``; cvxpy's rows are A x + b."""
+        chosen = mask[self._indices]
+        row = (np.cumsum(mask) - 1)[self._indices[chosen]]
+        indptr = np.append(0, np.cumsum(chosen))[self._indptr]
+        entries, last = entries[chosen], indptr[-2]
+        b = np.zeros(np.count_nonzero(mask))
+        b[row[last:]] = entries[last:]
+        return sparse.csc_matrix((-entries[:last], row[:last], indptr[:-1]), shape=(len(b), self.variables)), b
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Step:
+    """A step d, the violation t that it leaves, and the multipliers of inequalities and of the vectors in cones.
+
+    Without a trust region's t ≥ 0, as in the criticality, t is less than 0 by what all elastic inequalities gain.
+    """
+
+    step: Float[np.ndarray, " columns"]
+    violation: float
+    multipliers: Float[np.ndarray, " inequalities"]
+    cone_multipliers: tuple[np.ndarray, ...]
+
+
+def solve_subproblem(
+    gradient: Float[np.ndarray, " columns"],
+    hessian: sparse.csr_array,
+    constraints: Constraints,
+    *,
+    elastic: int,
+    radius: float,
+    penalty: float,
+    tolerance: float = CLARABEL_TOLERANCE,
+) -> Step:
+    """Return the solution, the first ``elastic`` inequalities being elastic.
+
+    ``hessian`` has to be symmetric and positive semidefinite. Raises SolverFailed if Clarabel ends without a solution.
+    """
+    return subproblem_of(Pattern.of(constraints), elastic).solve(
+        gradient, hessian, constraints, radius=radius, penalty=penalty, tolerance=tolerance
+    )
+
+
+def convexify(hessian: sparse.csr_array, unknowns: int, flattening: float) -> sparse.csr_array:
+    """Return the Hessian with its negative eigenvalues raised to nearly 0: the trust region bounds steps along them.
+
+    Reflecting them, or stiffening the Hessian across the inequalities that bind, took two to five times as many steps
+    where curvature comes from kinks, and the latter 1.2 times as many on small dense programs.
+    """
+    dense = hessian.toarray()
+    indices = np.flatnonzero(np.any(dense != 0, axis=1) | (np.arange(len(dense)) < unknowns))
+    inner = dense[np.ix_(indices, indices)]
+    smallest = flattening * max(float(np.abs(inner).max(initial=0.0)), 1e-12)
+    try:
+        np.linalg.cholesky(inner + 1e-2 * smallest * np.eye(len(inner)))
+    except np.linalg.LinAlgError:
+        values, vectors = np.linalg.eigh(inner)
+        convex = (vectors * np.maximum(values, smallest)) @ vectors.T
+        row, column = np.nonzero(convex)
+        return sparse.csr_array((convex[row, column], (indices[row], indices[column])), shape=dense.shape)
+    return hessian
+
+
+class ConvexSubproblem:
+    """The subproblem of one pattern, canonicalised; with a ``ball`` it is that of the criticality."""
+
+    def __init__(self, pattern: Pattern, elastic: int, *, ball: bool = False) -> None:
+        (self._rows, columns), self._elastic = pattern.jacobian.shape, elastic
+        hessian = None if ball else sparse.eye_array(columns, format="csr")  # replaced at every solution
+        statement = _state(pattern, elastic, hessian)
+        self._form = CanonicalForm(statement)
+        self._d, self._t = self._form.columns(statement.d), self._form.columns(statement.t)
+
+    def solve(
+        self,
+        gradient: Float[np.ndarray, " columns"],
+        hessian: sparse.csr_array | None,
+        constraints: Constraints,
+        *,
+        radius: float,
+        penalty: float = 1.0,
+        near: Int[np.ndarray, " near"] | None = None,
+        tolerance: float = CLARABEL_TOLERANCE,
+    ) -> Step:
+        """Return the solution for these numbers, without a Hessian that with a ball.
+
+        Only inequalities ``near`` count, by default those within reach. Raises SolverFailed if Clarabel finds none.
+        """
+        scales = constraints.row_norms.copy()
+        scales[: self._elastic] = 1.0  # their units decide what a violation costs
+        numbers = _numbers(gradient, hessian, constraints, radius, penalty, scales)
+        near = constraints.within_reach(radius, order=1) if near is None else near
+        mask = self._form.rows_in_use(self._rows, near)
+        name, P = ("criticality", None) if hessian is None else ("step", self._quadratic(hessian))
+        x, dual = self._form.solve(name, numbers, mask, tolerance, P)
+        multipliers = np.zeros(self._rows)
+        multipliers[near] = dual[: len(near)] / scales[near]
+        cone_rows = sum(len(cone.values) + 1 for cone in constraints.cones)
+        return Step(
+            step=x[self._d],
+            violation=float(x[self._t[0]]),
+            multipliers=multipliers,
+            cone_multipliers=constraints.cone_multipliers(dual[len(dual) - cone_rows :]),
+        )
+
+    def _quadratic(self, hessian: sparse.csr_array) -> sparse.csc_matrix:
+        """Return P: the upper triangle of the Hessian in the rows and columns of d."""
+        lower, size = np.tril(hessian.toarray()), self._form.variables
+        column, row = np.nonzero(lower)  # rows of the lower triangle are columns of the upper one
+        indptr = np.searchsorted(self._d[column], np.arange(size + 1))
+        return sparse.csc_matrix((lower[column, row], self._d[row], indptr), shape=(size, size))
+
+
+subproblem_of = lru_cache(maxsize=64)(ConvexSubproblem)  # canonicalised statements
+
+
+def _state(pattern: Pattern, elastic: int, hessian: sparse.csr_array | None) -> Statement:
+    """Return the statement for a pattern and a Hessian, which is a constant: dᵀHd takes no Parameter H."""
+    import cvxpy  # here: importing it takes two seconds
+
+    (rows, columns), unknowns, parameters = pattern.jacobian.shape, pattern.unknowns, Parameters()
+    d, t = cvxpy.Variable(columns), cvxpy.Variable()
+    radius, penalty = parameters.dense(), parameters.dense()
+    constraints, inequalities, objective = [], None, penalty * t
+    if hessian is not None:
+        objective += parameters.dense(columns) @ d + cvxpy.quad_form(d, cvxpy.psd_wrap(hessian)) / 2
+    if rows:
+        c, J = parameters.dense(rows), parameters.sparse(pattern.jacobian)
+        is_elastic = (np.arange(rows) < elastic).astype(float)
+        inequalities = c + J @ d + is_elastic * t >= 0
+        constraints = [inequalities]
+    step = d[:unknowns]
+    constraints += [cvxpy.SOC(radius, step)] if hessian is None else [step <= radius, step >= -radius, t >= 0]
+    cones = state_cones(pattern, d, parameters)
+    problem = cvxpy.Problem(cvxpy.Minimize(objective), constraints + cones)
+    return Statement(problem, parameters, d, t, inequalities, cones)
+
+
+def _numbers(
+    gradient: np.ndarray,
+    hessian: sparse.csr_array | None,
+    constraints: Constraints,
+    radius: float,
+    penalty: float,
+    scales: np.ndarray,
+) -> Float[np.ndarray, " numbers"]:
+    """Return the values of all parameters, in the statement's order, inequalities divided by ``scales``."""
+    linear = gradient[: 0 if hessian is None else len(gradient)]
+    first = [radius, penalty], linear, constraints.values / scales
+    return parameter_values(*first, constraints=constraints, scales=scales)
+
+
+def solve_with_cvxpy(
+    gradient: Float[np.ndarray, " columns"],
+    hessian: sparse.csr_array,
+    constraints: Constraints,
+    *,
+    elastic: int,
+    radius: float,
+    penalty: float,
+    tolerance: float = CLARABEL_TOLERANCE,
+) -> Step:
+    """Return what ``solve_subproblem`` does, by cvxpy's own solve of the same statement.
+
+    Raises SolverFailed if there is no solution.
+    """
+    statement = _state(Pattern.of(constraints), elastic, hessian)
+    scales = np.ones(len(constraints.values))
+    statement.parameters.assign(_numbers(gradient, hessian, constraints, radius, penalty, scales))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # cvxpy reads its own sparse parameters as dense ones
+        warnings.filterwarnings("ignore", "Solution may be inaccurate")  # Clarabel stopped short of the tolerance
+        tolerances = dict.fromkeys(("tol_gap_abs", "tol_gap_rel", "tol_feas"), tolerance)
+        statement.problem.solve(solver="CLARABEL", **tolerances)
+    if statement.d.value is None:
+        raise SolverFailed(f"step: a solution wanted, got {statement.problem.status}")
+    return Step(
+        step=np.array(statement.d.value),
+        violation=float(statement.t.value),
+        multipliers=np.zeros(0) if statement.inequalities is None else np.array(statement.inequalities.dual_value),
+        cone_multipliers=tuple(-np.ravel(cone.dual_value[1]) for cone in statement.cones),
+    )

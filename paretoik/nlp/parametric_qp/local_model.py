@@ -1,0 +1,272 @@
+"""A program to second order at a point, along h(x) = 0, as a kernel has it; compiled.
+
+    F(d) ≈ F + ∂F d + ½ dᵀ Fₖ'' d for every objective by itself,  c(d) ≈ c + ∂c d
+
+The second derivatives of an objective have the curvature of h(x) = 0 in them, that of its own multipliers, so that they
+are those of F at the point that a step leads to.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from paretoik.compilation.array_tuples import keep, refer
+from paretoik.compilation.numba_cache import compiled
+from paretoik.nlp.banded.kernel import (
+    add_auxiliary,
+    allocate_workspace,
+    assemble,
+    constraint_rows,
+    dimensions,
+    evaluate,
+    linearise,
+    prepare_multipliers,
+    reduced_gradient,
+    row_width,
+)
+from paretoik.nlp.linear_algebra import clear, norm
+from paretoik.nlp.parametric_qp.solution import solve_from
+
+
+class LocalModel(NamedTuple):
+    """The program at a point; of each matrix [[A, Bᵀ], [B, C]] A is banded (``bordered_cholesky``)."""
+
+    objectives: np.ndarray  # (objectives,)
+    gradients: np.ndarray  # (objectives, unknowns)
+    c: np.ndarray  # (inequalities,)
+    columns: np.ndarray  # (inequalities, width)
+    entries: np.ndarray
+    A: np.ndarray  # (1 + objectives, size, band): the Hessian of the Lagrangian, then those of the objectives
+    B: np.ndarray
+    C: np.ndarray
+    stiffness: np.ndarray  # (inequalities,): 0
+    unit: np.ndarray  # (objectives,): 0
+    reduced: np.ndarray  # (unknowns,)
+
+
+@compiled
+def allocate_model(kernel, work, x, objectives):
+    """Return the arrays of a model."""
+    size, band, border, inequalities = dimensions(kernel, x)
+    width, n = row_width(kernel, work), size + border
+    return LocalModel(
+        np.zeros(objectives),
+        np.zeros((objectives, n)),
+        np.zeros(inequalities),
+        np.zeros((inequalities, width), dtype=np.int64),
+        np.zeros((inequalities, width)),
+        np.zeros((1 + objectives, size, band)),
+        np.zeros((1 + objectives, border, size)),
+        np.zeros((1 + objectives, border, border)),
+        np.zeros(inequalities),
+        np.zeros(objectives),
+        np.zeros(n),
+    )
+
+
+@compiled
+def to_first_order(kernel, work, x, model):
+    """Write values and first derivatives at x; return whether they are finite and h has full rank."""
+    evaluate(kernel, work, x, model.objectives, model.c)
+    if not linearise(kernel, work, x):
+        return False
+    constraint_rows(kernel, work, model.columns, model.entries)
+    total = 0.0
+    for k in range(len(model.objectives)):
+        _choose(model.unit, k)
+        reduced_gradient(kernel, work, model.unit, model.stiffness[:0], model.reduced)
+        for j in range(len(model.reduced)):
+            model.gradients[k, j] = model.reduced[j]
+            total += model.reduced[j]
+        total += model.objectives[k]
+    for i in range(len(model.c)):
+        total += model.c[i]
+        for j in range(model.entries.shape[1]):
+            total += model.entries[i, j]
+    return np.isfinite(total)
+
+
+@compiled
+def lagrangian_hessian(kernel, work, weights, multipliers, model):
+    """Write the Hessian of weights · F − multipliers · c where x was linearised."""
+    _hessian(kernel, work, weights, multipliers, 0, model)
+
+
+@compiled
+def objective_hessians(kernel, work, model):
+    """Write the Hessian of every objective by itself."""
+    for k in range(len(model.objectives)):
+        _choose(model.unit, k)
+        _hessian(kernel, work, model.unit, model.stiffness, 1 + k, model)
+
+
+@compiled
+def _choose(unit, k):
+    for i in range(len(unit)):
+        unit[i] = 1.0 if i == k else 0.0
+
+
+@compiled
+def _hessian(kernel, work, weights, multipliers, which, model):
+    A, B, C = model.A[which], model.B[which], model.C[which]
+    clear(A)
+    clear(B)
+    clear(C)
+    reduced_gradient(kernel, work, weights, multipliers, model.reduced)
+    prepare_multipliers(kernel, work, weights)
+    assemble(kernel, work, model.stiffness, A, B, C)
+
+
+@compiled
+def add_product(model, which, factor, vector, out):
+    """Add a multiple of a matrix of the model times a vector."""
+    A, B, C = model.A[which], model.B[which], model.C[which]
+    (size, band), border = A.shape, len(C)
+    for i in range(size):
+        total = A[i, 0] * vector[i]
+        for d in range(1, min(band, i + 1)):
+            total += A[i, d] * vector[i - d]
+            out[i - d] += factor * A[i, d] * vector[i]
+        out[i] += factor * total
+    for e in range(border):
+        for i in range(size):
+            out[size + e] += factor * B[e, i] * vector[i]
+            out[i] += factor * B[e, i] * vector[size + e]
+        for f in range(border):
+            out[size + e] += factor * C[e, f] * vector[size + f]
+
+
+@compiled(what="the derivatives of a program", seconds=10)
+def first_order(kernel, x, objectives):
+    """Return (F, ∂F, c, columns and entries of the rows of ∂c, whether they are finite and h has full rank) at x."""
+    problem = refer(kernel)
+    work = allocate_workspace(problem, x)
+    point = add_auxiliary(problem, refer(work), x)
+    model = allocate_model(problem, refer(work), x, objectives)
+    regular = to_first_order(problem, refer(work), point, refer(model))
+    keep(work)
+    return model.objectives, model.gradients, model.c, model.columns, model.entries, regular
+
+
+# The optimum of the quadratic models of objectives and the linear ones of limits at a point; compiled.
+#
+# By Newton's method, each step of which is a parametric quadratic program.
+
+
+@compiled
+def lead_to_optimum(model, initial, step, y, weights, rows, upper, predictions, options):
+    """Lead a step to the optimum of the model, in place; return its multipliers, whether there is one, and changes.
+
+    The Hessian of the Lagrangian is that of objectives with ``initial`` weights. With them, the first of so many
+    ``predictions``, steps of Newton's method, is by it alone.
+    """
+    n, limits = model.gradients.shape[1], len(model.c)
+    changes, last_multipliers = 0, y
+    gradients, values, gradient = model.gradients.copy(), np.zeros(limits + len(rows)), np.zeros(n)
+    A, B, C = model.A[0].copy(), model.B[0].copy(), model.C[0].copy()
+    weighed, dense = initial.copy(), np.zeros((len(rows), n))
+    for attempt in range(predictions):
+        weigh(weights, rows, y, weighed)
+        _weigh_hessian(model, weighed, initial, A, B, C)
+        _move_model(model, step, weights, rows, upper, initial, gradients, values, gradient)
+        for e in range(len(rows)):
+            for j in range(n):
+                dense[e, j] = 0.0
+                for k in range(len(weights)):
+                    dense[e, j] -= rows[e, k] * gradients[k, j]
+        increment, y, share, changed = solve_from(
+            A, B, C, gradient, model.columns, model.entries, dense, values, y, options.qp
+        )
+        changes += changed
+        if share < 1.0:
+            return (last_multipliers if attempt else y), attempt > 0, changes
+        for j in range(n):
+            step[j] += increment[j]
+        last_multipliers = y
+        if norm(increment) <= options.predicted * norm(step):
+            break
+    return y, True, changes
+
+
+@compiled
+def weigh(weights, rows, y, factors):
+    """Write weights + rowsᵀ y: what the Lagrangian multiplies the objectives with."""
+    limits = len(y) - len(rows)
+    for k in range(len(weights)):
+        factors[k] = weights[k]
+        for e in range(len(rows)):
+            factors[k] += rows[e, k] * y[limits + e]
+
+
+@compiled
+def _weigh_hessian(model, weighed, initial, A, B, C):
+    """Write the Hessian of the Lagrangian with other weights of objectives; nothing where they have not changed."""
+    if norm(weighed - initial) == 0.0:
+        return
+    for i in range(A.shape[0]):
+        for d in range(A.shape[1]):
+            A[i, d] = _entry(model.A[:, i, d], weighed, initial)
+    for e in range(C.shape[0]):
+        for i in range(A.shape[0]):
+            B[e, i] = _entry(model.B[:, e, i], weighed, initial)
+        for f in range(C.shape[0]):
+            C[e, f] = _entry(model.C[:, e, f], weighed, initial)
+
+
+@compiled
+def _entry(entries, weighed, initial):
+    """Return an entry of the Lagrangian's Hessian with other weights."""
+    total = entries[0]
+    for k in range(len(weighed)):
+        total += (weighed[k] - initial[k]) * entries[1 + k]
+    return total
+
+
+@compiled
+def _move_model(model, step, weights, rows, upper, initial, gradients, values, gradient):
+    """Write gradients of objectives, the gradient of the goal, limits and bounds of the model at a step.
+
+    The curvature of limits, that of the Lagrangian beyond the objectives', is in the gradient of the goal.
+    """
+    n, limits = len(step), len(model.c)
+    objectives, moved = model.objectives.copy(), norm(step) > 0.0
+    move_objectives(model, step, gradients, objectives)
+    for j in range(n):
+        gradient[j] = 0.0
+    for k in range(len(weights)):
+        if moved:
+            add_product(model, 1 + k, -initial[k], step, gradient)
+        for j in range(n):
+            gradient[j] += weights[k] * gradients[k, j]
+    if moved:
+        add_product(model, 0, 1.0, step, gradient)
+    for i in range(limits):
+        values[i] = model.c[i] + limit_change(model, i, step)
+    for e in range(len(rows)):
+        values[limits + e] = upper[e]
+        for k in range(len(weights)):
+            values[limits + e] -= rows[e, k] * objectives[k]
+
+
+@compiled
+def move_objectives(model, step, gradients, objectives):
+    """Write gradients and values of the objectives' models at a step; values are those at 0 before."""
+    moved = norm(step) > 0.0
+    for k in range(len(objectives)):
+        for j in range(len(step)):
+            gradients[k, j] = model.gradients[k, j]
+        if moved:
+            add_product(model, 1 + k, 1.0, step, gradients[k])
+            for j in range(len(step)):
+                objectives[k] += 0.5 * (model.gradients[k, j] + gradients[k, j]) * step[j]
+
+
+@compiled
+def limit_change(model, i, step):
+    """Return ∂c step of a limit."""
+    total = 0.0
+    for b in range(model.entries.shape[1]):
+        total += model.entries[i, b] * step[model.columns[i, b]]
+    return total

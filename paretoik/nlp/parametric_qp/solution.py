@@ -1,0 +1,218 @@
+"""A quadratic program solved from a guess of its multipliers: its optimum followed while its data change; compiled.
+
+    minimise    ½ dᵀH d + gᵀd
+    subject to  c + A d ≥ 0
+
+With gradient Aᵀy and no slack where y > 0 the step d = 0 and the multipliers y ≥ 0 are optimal. From these data to the
+true ones the optimum moves in straight pieces; where one ends a constraint is added or dropped. Near the answer there
+are few pieces. H has to be positive definite along the active constraints only: where dropping one would leave
+negative curvature, the optimum ends, and so does the homotopy; where it is flat, the step is as short as it can be.
+Source: Best 1996, An algorithm for the solution of the parametric quadratic programming problem; Ferreau, Bock & Diehl
+2008. The system of a piece is solved by the Schur complement of what is active (``working_set``).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from paretoik.compilation.array_tuples import keep, refer
+from paretoik.compilation.numba_cache import compiled
+from paretoik.nlp.linear_algebra import norm
+from paretoik.nlp.parametric_qp.working_set import (
+    QuadraticProgram,
+    add_constraint,
+    add_row,
+    allocate_working_set,
+    drop_constraint,
+    factorise_working_set,
+    is_definite_without,
+    project_row,
+    regularise_without,
+    row_product,
+    solve_working_set,
+    update_working_set,
+)
+
+
+class QpOptions(NamedTuple):
+    """Tolerances; none has a unit, rows of A being divided by their lengths and H and g by that of g.
+
+    More than so many ``changes`` of the active set are taken for cycling; after ``updates`` the matrix is factorised
+    anew.
+    """
+
+    changes: int = 100
+    updates: int = 24
+    dependent: float = 1e-10  # share of a row that is not a combination of the active ones: what counts as none
+    rate: float = 1e-13  # by which a slack or a multiplier falls: less is rounding
+    lift: float = 1e-4  # of slacks at the beginning, each by another multiple of it from 1 to 2: ties would cycle
+    end: float = 1e-9  # of the homotopy: a remaining share that is as good as none
+
+
+class QpHomotopy(NamedTuple):
+    """Where the optimum is, how data change, and how it moves."""
+
+    step: np.ndarray
+    multipliers: np.ndarray
+    slacks: np.ndarray
+    gradient_rate: np.ndarray
+    value_rate: np.ndarray
+    step_rate: np.ndarray
+    slack_rates: np.ndarray
+    multiplier_rates: np.ndarray
+
+
+@compiled(what="the parametric quadratic program", seconds=5)
+def solve_from(A, B, C, gradient, columns, entries, dense, values, multipliers, options):
+    """Return (step, multipliers, share of the homotopy, changes of the active set) up to where the optimum is followed.
+
+    H is [[A, Bᵀ], [B, C]], A banded (``bordered_cholesky``). Row i of the constraints has ``entries``[i] at
+    ``columns``[i]; the ``dense`` ones follow. Those with positive ``multipliers``, the guess, have to be independent. A
+    share below 1 says that the optimum ends there: constraints cannot all hold, or curvature becomes negative.
+    """
+    entries, dense, values, scale = entries.copy(), dense.copy(), values.copy(), max(norm(gradient), 1e-300)
+    lengths = _divide_by_lengths(entries, dense, values)
+    program = QuadraticProgram(A, B, C, gradient, columns, entries, dense, values)
+    work = allocate_working_set(len(gradient), A.shape[1], len(C), len(values), options.updates)
+    homotopy = _begin(refer(program), lengths, multipliers, scale, options)
+    share, changes = _follow(refer(program), refer(work), refer(homotopy), scale, options)
+    for i in range(len(values)):
+        homotopy.multipliers[i] *= scale / lengths[i]
+    keep(program)
+    keep(work)
+    return homotopy.step, homotopy.multipliers, share, changes
+
+
+@compiled
+def _divide_by_lengths(entries, dense, values):
+    """Divide constraints by the lengths of their rows; return these."""
+    limits = len(entries)
+    lengths = np.empty(len(values))
+    for i in range(len(values)):
+        row = entries[i] if i < limits else dense[i - limits]
+        lengths[i] = max(norm(row), 1e-300)
+        for j in range(len(row)):
+            row[j] /= lengths[i]
+        values[i] /= lengths[i]
+    return lengths
+
+
+@compiled
+def _begin(program, lengths, multipliers, scale, options):
+    """Return the homotopy from the data that the guess is the answer to."""
+    n, count = len(program.gradient), len(lengths)
+    homotopy = QpHomotopy(
+        np.zeros(n), np.zeros(count), np.zeros(count), np.zeros(n), np.zeros(count), np.zeros(n), np.zeros(count),
+        np.zeros(count),
+    )  # fmt: skip
+    for j in range(n):
+        homotopy.gradient_rate[j] = program.gradient[j] / scale
+    for i in range(count):
+        if multipliers[i] > 0.0:
+            homotopy.multipliers[i] = multipliers[i] * lengths[i] / scale
+        else:
+            lift = 1.0 + i * (np.sqrt(5.0) - 1.0) / 2 % 1.0
+            homotopy.slacks[i] = max(program.values[i], 0.0) + options.lift * lift
+        homotopy.value_rate[i] = program.values[i] - homotopy.slacks[i]
+    for i in range(count):
+        if homotopy.multipliers[i] > 0.0:
+            add_row(program, i, -homotopy.multipliers[i], homotopy.gradient_rate)
+    return homotopy
+
+
+@compiled
+def _follow(program, work, homotopy, scale, options):
+    """Follow the optimum to the true data, or to where it ends; return the share of the homotopy and the changes."""
+    share, changes = 0.0, 0
+    for i in range(len(homotopy.multipliers)):
+        work.is_active[i] = homotopy.multipliers[i] > 0.0
+    if not factorise_working_set(program, work, scale):
+        return share, changes
+    while changes <= options.changes:
+        solve_working_set(
+            program, work, homotopy.gradient_rate, homotopy.value_rate, homotopy.step_rate, homotopy.multiplier_rates
+        )
+        _slack_rates(program, work, homotopy)
+        length, row, dropped = _next_change(work, homotopy, 1.0 - share, options)
+        _advance(work, homotopy, length)
+        share += length
+        if row < 0 or share > 1.0 - options.end:
+            return 1.0, changes
+        changes += 1
+        if not (_drop(work, homotopy, row) if dropped else _add(program, work, homotopy, row, options)):
+            return share, changes
+        if not update_working_set(program, work, options.updates, scale):
+            return share, changes
+    return share, changes
+
+
+@compiled
+def _slack_rates(program, work, homotopy):
+    for i in range(len(homotopy.slacks)):
+        homotopy.slack_rates[i] = 0.0
+        if not work.is_active[i]:
+            homotopy.slack_rates[i] = homotopy.value_rate[i] + row_product(program, i, homotopy.step_rate)
+
+
+@compiled
+def _next_change(work, homotopy, remaining, options):
+    """Return how far the piece goes, at most ``remaining``, the constraint that ends it or −1, and if it is dropped."""
+    length, row, dropped = remaining, -1, False
+    for i in range(len(homotopy.slacks)):
+        if not work.is_active[i] and homotopy.slack_rates[i] < -options.rate:
+            ratio = homotopy.slacks[i] / -homotopy.slack_rates[i]
+            if ratio < length:
+                length, row, dropped = ratio, i, False
+        elif work.is_active[i] and homotopy.multiplier_rates[i] < -options.rate:
+            ratio = max(homotopy.multipliers[i], 0.0) / -homotopy.multiplier_rates[i]
+            if ratio < length:
+                length, row, dropped = ratio, i, True
+    return length, row, dropped
+
+
+@compiled
+def _advance(work, homotopy, length):
+    """Move the optimum along its piece."""
+    for j in range(len(homotopy.step)):
+        homotopy.step[j] += length * homotopy.step_rate[j]
+    for i in range(len(homotopy.slacks)):
+        if work.is_active[i]:
+            homotopy.multipliers[i] += length * homotopy.multiplier_rates[i]
+        else:
+            homotopy.slacks[i] = max(homotopy.slacks[i] + length * homotopy.slack_rates[i], 0.0)
+
+
+@compiled
+def _drop(work, homotopy, row):
+    """Drop an active constraint; return whether the optimum may go on without."""
+    homotopy.multipliers[row], homotopy.slacks[row] = 0.0, 0.0
+    if is_definite_without(work, row):
+        drop_constraint(work, row)
+        return True
+    return regularise_without(work, row)  # flat or negative: regularised it is definite, or it is not
+
+
+@compiled
+def _add(program, work, homotopy, row, options):
+    """Add a constraint, in place of one that it depends on if it does; return whether they can all hold."""
+    remainder = project_row(program, work, row, homotopy.multiplier_rates)
+    homotopy.slacks[row] = 0.0
+    if remainder <= options.dependent:
+        leaving, length = -1, np.inf
+        for i in range(len(homotopy.slacks)):
+            if work.is_active[i] and homotopy.multiplier_rates[i] > np.sqrt(options.dependent):
+                ratio = homotopy.multipliers[i] / homotopy.multiplier_rates[i]
+                if ratio < length:
+                    leaving, length = i, ratio
+        if leaving < 0:
+            return False
+        for i in range(len(homotopy.slacks)):
+            if work.is_active[i]:
+                homotopy.multipliers[i] = max(homotopy.multipliers[i] - length * homotopy.multiplier_rates[i], 0.0)
+        homotopy.multipliers[row], homotopy.multipliers[leaving] = length, 0.0
+        homotopy.slacks[leaving] = 0.0
+        drop_constraint(work, leaving)
+    add_constraint(program, work, row)
+    return True

@@ -1,0 +1,485 @@
+"""A quadratic program in arrays, and what its rows do; compiled."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from paretoik.compilation.numba_cache import compiled
+from paretoik.nlp.banded.cholesky import factorise, solve, solve_columns
+from paretoik.nlp.linear_algebra import clear, factorise_lu, solve_lu
+
+# The Hessian of a quadratic program, made definite by its active rows, and its factors; compiled.
+#
+# K = H + ρ Σ aᵢaᵢᵀ, a sum over active rows, is positive definite where H is so along them and ρ is large. With the
+# sparse rows alone it is banded, and factorised so; where that does not make it definite, all rows count and it is
+# dense. Where H is flat along the rows it is regularised from then on: nothing moves that way by itself. Source:
+# Nocedal & Wright, section 17.4.
+
+
+class AugmentationOptions(NamedTuple):
+    """How K becomes definite; ρ and what is added have no unit: they are in sizes of H, its largest diagonal entry."""
+
+    stiffness: tuple[float, ...] = (1.0, 1e3, 1e3, 1e6, 1e6)  # ρ, tried in turn: a larger one costs digits
+    dense: int = 2  # the first of these that all rows count with
+    flat: int = 4  # the one that H is regularised with
+    regularisation: float = 1e-6  # what is added to the diagonal of H then: far below any curvature that counts
+
+
+HESSIAN_OPTIONS = AugmentationOptions()
+IS_DENSE, IS_REGULARISED = 0, 1  # places in the flags
+
+
+class AugmentedHessian(NamedTuple):
+    """K and its factors, banded with a border (``bordered_cholesky``) and dense."""
+
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    L: np.ndarray
+    X: np.ndarray
+    S: np.ndarray
+    full: np.ndarray  # (unknowns, unknowns), a band as wide as the matrix
+    full_factor: np.ndarray
+    no_border: np.ndarray  # (0, unknowns): that of the dense matrix
+    flags: np.ndarray
+
+
+@compiled
+def allocate_augmented_hessian(n, band, border):
+    """Return the arrays for n unknowns."""
+    size = n - border
+    return AugmentedHessian(
+        np.zeros((size, band)),
+        np.zeros((border, size)),
+        np.zeros((border, border)),
+        np.zeros((size, band)),
+        np.zeros((border, size)),
+        np.zeros((border, border)),
+        np.zeros((n, n)),
+        np.zeros((n, n)),
+        np.zeros((0, n)),
+        np.zeros(2, dtype=np.bool_),
+    )
+
+
+@compiled
+def factorise_augmented_hessian(program, hessian, is_active, scale):
+    """Factorise K with the first ρ that makes it definite, H over ``scale``; return this ρ, −1 where none does."""
+    size = 0.0
+    for i in range(len(program.A)):
+        size = max(size, abs(program.A[i, 0]) / scale)
+    size += size == 0.0
+    for attempt in range(HESSIAN_OPTIONS.flat if hessian.flags[IS_REGULARISED] else 0, len(HESSIAN_OPTIONS.stiffness)):
+        is_dense, is_regularised = attempt >= HESSIAN_OPTIONS.dense, attempt == HESSIAN_OPTIONS.flat
+        rho, delta = (
+            HESSIAN_OPTIONS.stiffness[attempt] * size,
+            HESSIAN_OPTIONS.regularisation * size if is_regularised else 0.0,
+        )
+        hessian.flags[IS_DENSE], hessian.flags[IS_REGULARISED] = is_dense, is_regularised
+        if _factorise(program, hessian, is_active, rho, delta, is_dense, scale):
+            return rho
+    return -1.0
+
+
+@compiled
+def _factorise(program, hessian, is_active, rho, delta, is_dense, scale):
+    """Factorise K with ``delta`` on its diagonal, banded or dense; return whether it is positive definite."""
+    size, band = program.A.shape
+    matrix, border, none = hessian.full if is_dense else hessian.A, len(program.C), hessian.no_border
+    for part in (matrix, hessian.B, hessian.C):
+        clear(part)
+    for i in range(size):
+        for d in range(min(band, i + 1)):
+            matrix[i, d] = program.A[i, d] / scale
+        matrix[i, 0] += delta
+    for e in range(border):
+        for j in range(size):
+            _add_entry(hessian, is_dense, size, size + e, j, program.B[e, j] / scale)
+        for f in range(e + 1):
+            _add_entry(hessian, is_dense, size, size + e, size + f, program.C[e, f] / scale)
+        _add_entry(hessian, is_dense, size, size + e, size + e, delta)
+    _stiffen(program, hessian, is_active, rho, is_dense)
+    if is_dense:
+        return factorise(hessian.full, none, none, hessian.full_factor, none, none, 0)
+    return factorise(hessian.A, hessian.B, hessian.C, hessian.L, hessian.X, hessian.S, 0)
+
+
+@compiled
+def _stiffen(program, hessian, is_active, rho, is_dense):
+    """Add ρ aaᵀ of the active rows, the dense ones only where K is dense."""
+    size, limits = len(program.A), len(program.entries)
+    matrix = hessian.full if is_dense else hessian.A
+    for i in range(limits):
+        if is_active[i] and matrix.shape[1] == len(hessian.full) and _has_all_columns(program.columns[i]):
+            _add_square(matrix, rho, program.entries[i])
+        elif is_active[i]:
+            for a in range(program.columns.shape[1]):
+                for b in range(program.columns.shape[1]):
+                    row, column = program.columns[i, a], program.columns[i, b]
+                    value = rho * program.entries[i, a] * program.entries[i, b]
+                    if row >= column and value != 0.0:
+                        _add_entry(hessian, is_dense, size, row, column, value)
+    for e in range(len(program.dense) if is_dense else 0):
+        if is_active[limits + e]:
+            for i in range(len(hessian.full)):
+                for j in range(i + 1):
+                    hessian.full[i, i - j] += rho * program.dense[e, i] * program.dense[e, j]
+
+
+@compiled
+def _has_all_columns(columns):
+    """Return whether the entries of a row are those of the first unknowns, in order."""
+    in_order = True
+    for k in range(len(columns)):
+        in_order &= columns[k] == k
+    return in_order
+
+
+@compiled(level=3)
+def _add_square(matrix, rho, row):
+    """Add ρ aaᵀ of a row whose entries are those of the first unknowns to the lower half of a K without a border."""
+    for i in range(len(row)):
+        factor = rho * row[i]
+        for d in range(i + 1):
+            matrix[i, d] += factor * row[i - d]
+
+
+@compiled
+def _add_entry(hessian, is_dense, size, row, column, value):
+    """Add to an entry of the lower half of K."""
+    if is_dense:
+        hessian.full[row, row - column] += value
+    elif row < size:
+        hessian.A[row, row - column] += value
+    elif column < size:
+        hessian.B[row - size, column] += value
+    else:
+        hessian.C[row - size, column - size] += value
+        if row != column:
+            hessian.C[column - size, row - size] += value
+
+
+@compiled
+def solve_augmented_columns(hessian, columns, count):
+    """Overwrite the first columns of a matrix as ``solve_augmented_hessian`` does each of them."""
+    if hessian.flags[IS_DENSE]:
+        solve_columns(hessian.full_factor, hessian.no_border, hessian.no_border, hessian.no_border, columns, count)
+    else:
+        solve_columns(hessian.L, hessian.B, hessian.X, hessian.S, columns, count)
+
+
+@compiled
+def solve_augmented_hessian(hessian, x):
+    """Overwrite x with K⁻¹ x."""
+    if hessian.flags[IS_DENSE]:
+        solve(hessian.full_factor, hessian.no_border, hessian.no_border, hessian.no_border, x)
+    else:
+        solve(hessian.L, hessian.B, hessian.X, hessian.S, x)
+
+
+class QuadraticProgram(NamedTuple):
+    """½ dᵀH d + gᵀd and constraints c + A d ≥ 0: sparse rows, then dense ones; all rows have length one."""
+
+    A: np.ndarray  # (size, band), lower half of H
+    B: np.ndarray  # (border, size)
+    C: np.ndarray  # (border, border)
+    gradient: np.ndarray
+    columns: np.ndarray  # (limits, entries)
+    entries: np.ndarray
+    dense: np.ndarray  # (bounds, unknowns)
+    values: np.ndarray
+
+
+@compiled
+def row_product(program, i, vector):
+    """Return the product of row i and a vector."""
+    total, limits = 0.0, len(program.entries)
+    if i >= limits:
+        for j in range(len(vector)):
+            total += program.dense[i - limits, j] * vector[j]
+        return total
+    for k in range(program.columns.shape[1]):
+        total += program.entries[i, k] * vector[program.columns[i, k]]
+    return total
+
+
+@compiled
+def add_row(program, i, factor, vector):
+    """Add a multiple of row i to a vector."""
+    limits = len(program.entries)
+    if i >= limits:
+        for j in range(len(vector)):
+            vector[j] += factor * program.dense[i - limits, j]
+        return
+    for k in range(program.columns.shape[1]):
+        vector[program.columns[i, k]] += factor * program.entries[i, k]
+
+
+@compiled
+def write_row(program, i, vector):
+    """Write row i."""
+    for j in range(len(vector)):
+        vector[j] = 0.0
+    add_row(program, i, 1.0, vector)
+
+
+@compiled
+def write_column(program, i, matrix, column):
+    """Write row i as a column of a matrix."""
+    limits = len(program.entries)
+    for j in range(len(matrix)):
+        matrix[j, column] = program.dense[i - limits, j] if i >= limits else 0.0
+    for k in range(program.columns.shape[1] if i < limits else 0):
+        matrix[program.columns[i, k], column] += program.entries[i, k]
+
+
+@compiled(level=3)
+def column_products(program, i, matrix, first, count, products):
+    """Write the products of row i and the columns of a matrix from ``first`` to before ``count``."""
+    limits = len(program.entries)
+    for w in range(first, count):
+        products[w] = 0.0
+    if i >= limits:
+        for j in range(len(matrix)):
+            _add_products(program.dense[i - limits, j], matrix[j], first, count, products)
+        return
+    for k in range(program.columns.shape[1]):
+        _add_products(program.entries[i, k], matrix[program.columns[i, k]], first, count, products)
+
+
+@compiled(level=3)
+def _add_products(factor, row, first, count, products):
+    for w in range(first, count):
+        products[w] += factor * row[w]
+
+
+# The optimality system of a quadratic program on its active constraints, which come and go; compiled.
+#
+#     [H, −Aᵀ] [d]   [r]
+#     [A,   0] [y] = [b]
+#
+# With K = H + ρ Σ aᵢaᵢᵀ (``augmented_hessian``), d = K⁻¹(r + Aᵀŷ) and A K⁻¹ Aᵀ ŷ = b − A K⁻¹ r, ŷ = y + ρ b. A row
+# that is dropped stays, its ŷ being the ρ aᵀd that K has too much of, until K is factorised anew. Source: Nocedal &
+# Wright, sections 16.2 and 17.4; Gill, Murray, Saunders & Wright 1990, A Schur-complement method for sparse quadratic
+# programming.
+
+
+class WorkingSetOptions(NamedTuple):
+    """Tolerance of the test that a row may be dropped."""
+
+    curvature: float = 1e-13  # along the row, a share of its ρ: less is rounding
+
+
+OPTIONS = WorkingSetOptions()
+ROWS, CHANGES = 0, 1  # places in the counts
+
+
+class WorkingSet(NamedTuple):
+    """K, factorised, and the rows in its Schur complement."""
+
+    hessian: AugmentedHessian  # K
+    rows: np.ndarray  # (capacity,) constraints
+    stiffness: np.ndarray  # (capacity,): ρ of rows in K, else 0
+    solved: np.ndarray  # (capacity, unknowns): K⁻¹ a
+    schur: np.ndarray  # (capacity, capacity)
+    factors: np.ndarray  # of it, with row exchanges
+    exchanges: np.ndarray
+    right: np.ndarray  # (capacity,)
+    vector: np.ndarray  # (unknowns,)
+    columns: np.ndarray  # (unknowns, capacity)
+    position: np.ndarray  # (constraints,): in the rows, −1 for none
+    is_active: np.ndarray  # (constraints,)
+    counts: np.ndarray  # rows, and changes since K was factorised
+
+
+@compiled
+def allocate_working_set(n, band, border, constraints, updates):
+    """Return the arrays for n unknowns."""
+    capacity = n + updates + 4
+    return WorkingSet(
+        allocate_augmented_hessian(n, band, border),
+        np.zeros(capacity, dtype=np.int64),
+        np.zeros(capacity),
+        np.zeros((capacity, n)),
+        np.zeros((capacity, capacity)),
+        np.zeros((capacity, capacity)),
+        np.zeros(capacity, dtype=np.int64),
+        np.zeros(capacity),
+        np.zeros(n),
+        np.zeros((n, capacity)),
+        np.zeros(constraints, dtype=np.int64),
+        np.zeros(constraints, dtype=np.bool_),
+        np.zeros(2, dtype=np.int64),
+    )
+
+
+@compiled
+def factorise_working_set(program, work, scale):
+    """Factorise K of the active rows and its Schur complement, H over ``scale``; return whether K is definite."""
+    count = 0
+    for i in range(len(work.is_active)):
+        work.position[i] = -1
+        count += work.is_active[i]
+    if count > len(program.gradient):
+        return False
+    work.counts[ROWS], work.counts[CHANGES] = 0, 0
+    rho = factorise_augmented_hessian(program, work.hessian, work.is_active, scale)
+    if rho < 0.0:
+        return False
+    _append_active(program, work, rho)
+    return _factorise_schur(work)
+
+
+@compiled
+def _append_active(program, work, rho):
+    """Append all active rows to an empty Schur complement: as ``_append`` does each, many at a time."""
+    count = 0
+    for i in range(len(work.is_active)):
+        if work.is_active[i]:
+            is_stiff = work.hessian.flags[IS_DENSE] or i < len(program.entries)
+            work.rows[count], work.position[i], work.stiffness[count] = i, count, rho if is_stiff else 0.0
+            write_column(program, i, work.columns, count)
+            count += 1
+    work.counts[ROWS] = count
+    solve_augmented_columns(work.hessian, work.columns, count)
+    for w in range(count):
+        column_products(program, work.rows[w], work.columns, w, count, work.right)
+        for v in range(w, count):
+            work.schur[v, w] = work.schur[w, v] = work.right[v]
+        for j in range(len(work.columns)):
+            work.solved[w, j] = work.columns[j, w]
+
+
+@compiled
+def _append(program, work, i, rho):
+    """Append a row to the Schur complement."""
+    count = work.counts[ROWS]
+    vector = work.solved[count]
+    write_row(program, i, vector)
+    solve_augmented_hessian(work.hessian, vector)
+    work.rows[count], work.position[i], work.stiffness[count] = i, count, rho
+    for w in range(count + 1):
+        work.schur[count, w] = work.schur[w, count] = row_product(program, work.rows[w], vector)
+    work.counts[ROWS] = count + 1
+
+
+@compiled
+def _factorise_schur(work):
+    """Factorise the Schur complement; return whether it is regular."""
+    count, factors = work.counts[ROWS], work.factors
+    for i in range(count):
+        for j in range(count):
+            factors[i, j] = work.schur[i, j]
+        if not work.is_active[work.rows[i]]:
+            factors[i, i] -= 1.0 / work.stiffness[i]
+    return factorise_lu(factors, work.exchanges, count)
+
+
+@compiled
+def solve_working_set(program, work, gradient_rate, value_rate, step_rate, multiplier_rates):
+    """Write d and y for r = −``gradient_rate`` and b = −``value_rate``; y is 0 where nothing is active."""
+    count, vector = work.counts[ROWS], work.vector
+    for j in range(len(vector)):
+        vector[j] = -gradient_rate[j]
+    solve_augmented_hessian(work.hessian, vector)
+    for w in range(count):
+        i = work.rows[w]
+        b = -value_rate[i] if work.is_active[i] else 0.0
+        work.right[w] = b - row_product(program, i, vector)
+    solve_lu(work.factors, work.exchanges, work.counts[ROWS], work.right)
+    for j in range(len(vector)):
+        step_rate[j] = vector[j]
+    for i in range(len(multiplier_rates)):
+        multiplier_rates[i] = 0.0
+    for w in range(count):
+        i, factor = work.rows[w], work.right[w]
+        for j in range(len(vector)):
+            step_rate[j] += factor * work.solved[w, j]
+        if work.is_active[i]:
+            multiplier_rates[i] = factor + work.stiffness[w] * value_rate[i]
+
+
+@compiled
+def project_row(program, work, row, multipliers):
+    """Write the y that make A_activeᵀ y nearest to a row by K⁻¹; return the share of the row that they do not make."""
+    count, vector = work.counts[ROWS], work.vector
+    write_row(program, row, vector)
+    solve_augmented_hessian(work.hessian, vector)
+    length = remainder = row_product(program, row, vector)
+    for w in range(count):
+        work.right[w] = -row_product(program, work.rows[w], vector)
+    solve_lu(work.factors, work.exchanges, work.counts[ROWS], work.right)
+    for i in range(len(multipliers)):
+        multipliers[i] = 0.0
+    for w in range(count):
+        remainder += work.right[w] * row_product(program, row, work.solved[w])
+        if work.is_active[work.rows[w]]:
+            multipliers[work.rows[w]] = -work.right[w]
+    return remainder / max(length, 1e-300)
+
+
+@compiled
+def is_definite_without(work, row):
+    """Return whether curvature stays positive without an active row, by Haynsworth's inertia formula."""
+    place = work.position[row]
+    for w in range(work.counts[ROWS]):
+        work.right[w] = w == place
+    solve_lu(work.factors, work.exchanges, work.counts[ROWS], work.right)
+    return work.right[place] - work.stiffness[place] > OPTIONS.curvature * work.stiffness[place]
+
+
+@compiled
+def regularise_without(work, row):
+    """Make an active constraint inactive and have H regularised at the update; return False where it is already."""
+    if work.hessian.flags[IS_REGULARISED]:
+        return False
+    work.is_active[row], work.hessian.flags[IS_REGULARISED] = False, True
+    work.counts[CHANGES] = len(work.rows)  # more than any number of updates: K is factorised anew
+    return True
+
+
+@compiled
+def add_constraint(program, work, row):
+    """Make a constraint active; the system is to be updated then."""
+    work.is_active[row] = True
+    work.counts[CHANGES] += 1
+    if work.position[row] < 0:
+        _append(program, work, row, 0.0)
+
+
+@compiled
+def drop_constraint(work, row):
+    """Make an active constraint inactive; the system is to be updated then."""
+    place = work.position[row]
+    work.is_active[row] = False
+    work.counts[CHANGES] += 1
+    if work.stiffness[place] == 0.0:
+        _remove(work, place)
+
+
+@compiled
+def update_working_set(program, work, updates, scale):
+    """Factorise the system after constraints came or went, K too after ``updates``; return whether it is definite."""
+    if work.counts[CHANGES] <= updates and _factorise_schur(work):
+        return True
+    return factorise_working_set(program, work, scale)
+
+
+@compiled
+def _remove(work, place):
+    """Remove a row from the Schur complement, the last one taking its place."""
+    last = work.counts[ROWS] - 1
+    work.position[work.rows[place]] = -1
+    if place != last:
+        work.rows[place], work.stiffness[place] = work.rows[last], work.stiffness[last]
+        work.position[work.rows[place]] = place
+        for j in range(work.solved.shape[1]):
+            work.solved[place, j] = work.solved[last, j]
+        for w in range(last + 1):
+            work.schur[place, w] = work.schur[last, w]
+        for w in range(last + 1):
+            work.schur[w, place] = work.schur[w, last]
+        work.schur[place, place] = work.schur[last, last]
+    work.counts[ROWS] = last

@@ -1,0 +1,330 @@
+"""What every method is: named numbers, the ranges that they are searched in, and a way to follow a path."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass, fields, replace
+from functools import lru_cache
+from typing import Any, Literal, TypeAlias, TypeVar, get_args
+
+import numpy as np
+from jaxtyping import Float, Shaped
+
+from paretoik.autodiff.differentiation import dependencies, gradient
+from paretoik.autodiff.evaluator import Evaluator, compile_evaluator
+from paretoik.autodiff.tape import Expression, as_entry
+from paretoik.errors import InvalidInput
+from paretoik.inputs import check_call, check_choice, check_text, finite_array, likely_spelling, read_list, shown
+from paretoik.robot.kinematics import link_frames
+from paretoik.tables import field_representation, html_representation
+from paretoik.task.motion import Motion
+from paretoik.task.motion_task import MotionTask
+from paretoik.task.objectives import Objective
+from paretoik.task.task import path_errors, path_jacobian
+from paretoik.task.traced_motion import trace_sample, trace_sample_function
+
+# The program of one step at a posture: task errors, Jacobian, criteria, distances, and their gradients.
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StepProgram:
+    """The program of a step; its inputs are q, q̇, q̈, jerk (dof rows each) and a row of ``table``.
+
+    The table (time, rows) has the targets of every sample, their travel to the next, and data of criteria that vary
+    with time. Accelerations and jerks are not read. The outputs are the task errors, the travel of the target in the
+    same coordinates, the Jacobian by rows, then of every criterion its value and its gradient: with respect to
+    positions, or to velocities where it reads these alone; then, where they were asked for, of every distance of a
+    moving link from an obstacle its value and its gradient with respect to positions.
+    """
+
+    program: Evaluator
+    table: Float[np.ndarray, "time rows"]
+    distances: int
+
+
+@lru_cache(maxsize=64)  # a search over a method's numbers asks for the same program in every generation
+def step_program(task: MotionTask, criteria: tuple[Objective, ...], *, with_distances: bool = False) -> StepProgram:
+    """Return the program of one step of a task, with the distances from its obstacles or without.
+
+    Raises InvalidInput, naming the criterion, where it looks at more than one sample's positions and velocities.
+    """
+    motion = trace_sample(task, duration=1.0)  # means over time are then what they are of one sample
+    trace, tape = motion.trace, motion.trace.tape
+    travels = np.concatenate([each.displacements(task.times) for each in task.tasks], axis=1)
+    targets, travel = (list(trace.inputs(width).entries) for width in (task.targets.shape[1], travels.shape[1]))
+    q = list(motion.q.entries)
+    components, links = path_errors(task.arm, task.tasks, q, targets), link_frames(task.arm, q)
+    for each in task.tasks:
+        components += each.displacement_components(task.arm, links, travel[: each.displacement_size])
+        travel = travel[each.displacement_size :]
+    outputs = [as_entry(tape, value) for value in (*components, *path_jacobian(task.arm, task.tasks, q))]
+    inputs = [
+        [as_entry(tape, each) for each in part.entries] for part in (motion.q, motion.dq, motion.ddq, motion.jerk)
+    ]
+    for criterion in criteria:
+        label = f"criterion {criterion.name}"
+        value = trace_sample_function(motion, label, criterion.function)
+        if value is None:
+            raise InvalidInput(f"{label}: looks at more than one sample")
+        result = as_entry(tape, Expression(tape, as_entry(tape, value)) * 1.0)
+        read = {order for order, part in enumerate(inputs) if set(part) & set(dependencies(tape, [result]))}
+        if read & {2, 3} or not read:
+            raise InvalidInput(f"{label}: wants a function of positions, velocities or both, got one of other things")
+        outputs += [result, *gradient(tape, result, inputs[0 if 0 in read else 1])]
+    values = [value for each in motion.distances for value in each.entries.ravel()] if with_distances else []
+    distances = [as_entry(tape, Expression(tape, as_entry(tape, value)) * 1.0) for value in values]
+    moving = [entry for entry in distances if set(dependencies(tape, [entry])) & set(inputs[0])]
+    for entry in moving:
+        outputs += [entry, *gradient(tape, entry, inputs[0])]
+    return StepProgram(
+        program=compile_evaluator(tape, outputs),
+        distances=len(moving),
+        table=np.concatenate([task.targets, travels, *(each[:, None] for each in trace.parameters.values())], axis=1),
+    )
+
+
+# The result of a method: a motion, and what happened at every step.
+
+
+STATUS = np.array(["done", "damped", "shortened", "held", "limited", "missed"])
+DONE, DAMPED, SHORTENED, HELD, LIMITED, MISSED = range(6)  # indices into STATUS
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Traces:
+    """What a method did at every step, to the sample after it; steps = time − 1.
+
+    ``errors`` [m, rad] are the task errors at every sample, ``velocities`` [rad/s, m/s] the commanded ones, ``damping``
+    ρ, ``weights`` those of the joints: W of the weighted least norm, E_c of the weighted gradient projection, else 1.
+    ``coefficients`` are those of the criteria, NaN where one is not finite and was left out; ``repulsion`` and
+    ``projected`` the velocities added to the task's: by the repulsion from joint limits, and by each criterion.
+    ``status`` says of each step whether it was "done", "damped", "shortened" to a move of at most 1 rad or m of every
+    joint, "held": the weighted Jacobian is singular and undamped, so that joints follow the repulsion alone, or
+    "limited": limits leave no velocities that do the task, which gives way in least squares, or "missed": Newton's
+    method, by which a step of ``ConstrainedQP`` ends on the path, does not converge.
+    """
+
+    errors: Float[np.ndarray, "*batch time rows"]
+    velocities: Float[np.ndarray, "*batch steps dof"]
+    damping: Float[np.ndarray, "*batch steps"]
+    weights: Float[np.ndarray, "*batch steps dof"]
+    coefficients: Float[np.ndarray, "*batch steps criteria"]
+    repulsion: Float[np.ndarray, "*batch steps dof"]
+    projected: Float[np.ndarray, "*batch steps criteria dof"]
+    status: Shaped[np.ndarray, "*batch steps"]
+
+    __repr__ = field_representation
+    _repr_html_ = html_representation
+
+    def __getitem__(self, index: Any) -> Traces:
+        return type(self)(**{each.name: np.asarray(getattr(self, each.name)[index]) for each in fields(self)})
+
+
+@check_call
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ResolvedMotion(Motion):
+    """A motion (*batch, time, dof) that a method resolved, and its ``traces``."""
+
+    traces: Traces
+
+    def __repr__(self) -> str:
+        """Return the motion in words, and how many steps ended how."""
+        status, counts = np.unique(self.traces.status, return_counts=True)
+        steps = ", ".join(f"{count} {name}" for name, count in zip(status, counts, strict=True))
+        largest = np.abs(self.traces.errors).max(initial=0.0)
+        return f"{super().__repr__()}\nsteps: {steps}; largest error of the task {largest:.2g}; more in .traces"
+
+    def __getitem__(self, index: Any) -> ResolvedMotion:
+        motion = super().__getitem__(index)
+        assert isinstance(motion, ResolvedMotion)
+        return replace(motion, traces=self.traces[index])
+
+    @classmethod
+    def of(
+        cls,
+        task: MotionTask,
+        batch: tuple[int, ...],
+        q: np.ndarray,
+        traces: dict[str, np.ndarray],
+        kind: type[Traces] = Traces,
+    ) -> ResolvedMotion:
+        """Return joint positions (motions, time, dof) and arrays as ``empty_traces`` makes them, as a batch."""
+        shaped = {name: each.reshape(*batch, *each.shape[1:]) for name, each in traces.items()}
+        motion = task.motion(q.reshape(*batch, *q.shape[1:]))
+        result = kind(**{**shaped, "status": STATUS[shaped["status"]]})
+        return cls(**{each.name: getattr(motion, each.name) for each in fields(motion)}, traces=result)
+
+
+def empty_traces(count: int, time: int, dof: int, rows: int, criteria: int) -> dict[str, np.ndarray]:
+    """Return arrays for the traces of ``count`` motions, to be filled; ``status`` as indices into STATUS."""
+    steps = time - 1
+    return {
+        "errors": np.zeros((count, time, rows)),
+        "damping": np.zeros((count, steps)),
+        "weights": np.ones((count, steps, dof)),
+        "coefficients": np.zeros((count, steps, criteria)),
+        "repulsion": np.zeros((count, steps, dof)),
+        "projected": np.zeros((count, steps, criteria, dof)),
+        "velocities": np.zeros((count, steps, dof)),
+        "status": np.zeros((count, steps), dtype=np.int8),
+    }
+
+
+Number: TypeAlias = float | np.ndarray
+Scale = Literal["linear", "log", "integer"]
+Tuned = TypeVar("Tuned", bound="Method")
+
+
+@check_call
+@dataclass(frozen=True)
+class Parameter:
+    """A number that is searched between ``lower`` and ``upper``.
+
+    ``scale`` "log" searches its decimal logarithm, "integer" whole numbers. It sets the ``fields`` of the method, by
+    default the one of its own name: one number may set several. Raises InvalidInput for bounds that are no range.
+    """
+
+    name: str
+    lower: float
+    upper: float
+    _: KW_ONLY
+    scale: Scale = "linear"
+    fields: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        check_text("parameter: name", self.name)
+        label = f"parameter {self.name}"
+        check_choice(f"{label}: scale", self.scale, get_args(Scale))
+        fields = read_list(f"{label}: fields", self.fields, str, "names of fields")
+        lower, upper = (finite_array(f"{label}, {side}", getattr(self, side), ()) for side in ("lower", "upper"))
+        if not lower <= upper:
+            raise InvalidInput(f"{label}: a lower bound up to the upper one wanted, got {lower:g} to {upper:g}")
+        if self.scale == "log" and not lower > 0:
+            raise InvalidInput(f"{label}: a lower bound above 0 wanted on a log scale, got {lower:g}")
+        if self.scale == "integer" and (lower % 1 or upper % 1):
+            raise InvalidInput(f"{label}: whole bounds wanted on an integer scale, got {lower:g} to {upper:g}")
+        object.__setattr__(self, "fields", fields or (self.name,))
+
+    @property
+    def gene_bounds(self) -> tuple[float, float]:
+        """Lower and upper bound of the gene."""
+        if self.scale == "log":
+            return float(np.log10(self.lower)), float(np.log10(self.upper))
+        margin = 1 - 1e-9 if self.scale == "integer" else 0.0  # the floor of the upper bound is within the range
+        return float(self.lower), float(self.upper) + margin
+
+    def decode(self, genes: Float[np.ndarray, " points"]) -> Shaped[np.ndarray, " points"]:
+        """Return the values that genes stand for."""
+        if self.scale == "log":
+            return np.asarray(10.0**genes)
+        return np.floor(genes).astype(int) if self.scale == "integer" else genes
+
+
+@check_call
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Criterion:
+    """What a projection improves on the side: an objective that looks at one sample's postures, or rates, alone.
+
+    ``gain`` scales its gradient and must not be negative. In ``WeightedGradientProjection`` its weight falls from 1
+    where the criterion is bad to 0 where it is good, by H, its value over ``scale``: normalised to
+    exp(reference − H) for what is minimised, to 1 − exp(reference − H) for what is maximised. So ``reference`` is the
+    best H of what is minimised, and the worst tolerable one of what is maximised (Wan et al. 2018, Eqs. 27 and 28).
+    A mean over time, as ``manipulability`` is, counts as its value at the sample: ``motion.duration`` is 1 s there.
+
+    Raises InvalidInput for other objectives and for numbers out of range.
+    """
+
+    objective: Objective
+    gain: Number = 1.0
+    reference: float = 0.0
+    scale: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.objective, Objective) or self.objective.form not in ("integral", "peak"):
+            raise InvalidInput(
+                f"criteria: wants as objective one of form integral or peak, got {shown(self.objective)}"
+            )
+        label = f"criterion {self.objective.name}"
+        finite_array(f"{label}, reference", self.reference, ())
+        if not finite_array(f"{label}, scale", self.scale, ()) > 0:
+            raise InvalidInput(f"{label}: a positive scale wanted, got {self.scale}")
+        if not (finite_array(f"{label}, gain", self.gain) >= 0).all():
+            raise InvalidInput(f"{label}: a gain of 0 or more wanted, got {shown(self.gain)}")
+
+    @property
+    def parameter(self) -> Parameter:
+        """The gain's default range; raises InvalidInput where the gain is an array already."""
+        if np.ndim(self.gain):
+            raise InvalidInput(f"criterion {self.objective.name}: one gain wanted, got {self.gain}")
+        lower, upper = (float(self.gain or 1.0) * share for share in (1e-4, 10.0))
+        return Parameter(f"gain of {self.objective.name}", lower, upper, scale="log")
+
+
+def number(
+    *, below: float = np.inf, search: tuple[float, float] | None = None, scale: Scale = "linear"
+) -> dict[str, Any]:
+    """Return the metadata of a field of 0 or more and less than ``below``, searched in ``search`` by default."""
+    return {"below": below, "search": search, "scale": scale}
+
+
+@check_call
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Method:
+    """A way to resolve one motion, or a batch of them where its numbers are arrays; ``resolve`` takes any."""
+
+    __repr__ = field_representation
+    _repr_html_ = html_representation
+
+    def __post_init__(self) -> None:
+        for each in fields(self):
+            if "below" not in each.metadata:
+                continue
+            upper, value, label = (
+                each.metadata["below"],
+                getattr(self, each.name),
+                f"{type(self).__name__}: {each.name}",
+            )
+            values, bound = finite_array(label, value), "" if np.isinf(upper) else f" and less than {upper:g}"
+            if not ((values >= 0) & (values < upper)).all():
+                raise InvalidInput(f"{label} of 0 or more{bound} wanted, got {shown(value)}")
+
+    def parameters(self, times: Float[np.ndarray, " time"]) -> tuple[Parameter, ...]:
+        """Return the numbers that are searched by default, on a path with these sample times [s]."""
+        searched = [each for each in fields(self) if each.metadata.get("search") is not None]
+        return tuple(Parameter(each.name, *each.metadata["search"], scale=each.metadata["scale"]) for each in searched)
+
+    def with_values(self: Tuned, values: Mapping[str, np.ndarray], times: Float[np.ndarray, " time"]) -> Tuned:
+        """Return the method with values (motions,) for some of its numbers, one motion each.
+
+        Raises InvalidInput for what is none of its numbers, and for numbers out of range.
+        """
+        names = dict.fromkeys([each.name for each in self.parameters(times)])
+        names.update(dict.fromkeys(each.name for each in fields(self)))
+        for name in values:
+            if name not in names:
+                hint = likely_spelling(name, names)
+                raise InvalidInput(f"{type(self).__name__}: one of {', '.join(names)} wanted, got {shown(name)}{hint}")
+        return replace(self, **values)
+
+    def follow(
+        self, task: MotionTask, start: Float[np.ndarray, "*batch dof"], *, tolerance: float | None = None
+    ) -> ResolvedMotion:
+        """Return the motions from ``start``, as ``resolve(..., unreachable="track")`` does."""
+        from paretoik.resolution.follow import follow  # here: it takes its time to load
+
+        return follow(task, self, start, tolerance=tolerance)
+
+
+def broadcast_shape(method: Method, start: np.ndarray, shapes: Sequence[tuple[int, ...]]) -> tuple[int, ...]:
+    """Return the batch that starts (*starts, dof) and a method's numbers make, or raise InvalidInput."""
+    name, starts = type(method).__name__, start.shape[:-1]
+    try:
+        shape = np.broadcast_shapes(starts, *shapes)
+    except ValueError:
+        different = ", ".join(sorted({str(one) for one in shapes if one}))
+        raise InvalidInput(
+            f"{name}: starts of shape {starts} and numbers of {different} do not fit each other"
+        ) from None
+    if 0 in shape:
+        raise InvalidInput(f"{name}: numbers wanted, got an empty array")
+    return shape

@@ -1,0 +1,449 @@
+"""Where arms are drawn in a recording: on axes of their own where they are planar, else in space, in their workcell."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+from jaxtyping import Float
+
+from paretoik.arrays import Vector3
+from paretoik.review.drawing.axes import Canvas, equal_window, labels, screen_text
+from paretoik.review.drawing.labels import separate_label_places
+from paretoik.review.drawing.space import ArmMeshes, Ground, find_meshes
+from paretoik.review.outlines import Polyline, outline
+from paretoik.review.palette import MARKS, SCENES, SCREEN, VIEWS, Colour
+from paretoik.review.recording.messages import Workcell
+from paretoik.task.obstacles import Capsule, Circle, Obstacle, Sphere
+
+# How obstacles are drawn: as hatched outlines where the arm moves in a plane, as bodies in space.
+
+
+def hatch(corners: Polyline, *, gap: float) -> list[Float[np.ndarray, "2 2"]]:
+    """Return lines at 45 degrees, a ``gap`` apart, across the inside of a closed convex outline (corners, 2)."""
+    across, along = np.array([1.0, 1.0]) / np.sqrt(2), np.array([1.0, -1.0]) / np.sqrt(2)
+    start, end = corners[:-1], corners[1:]
+    first, last = start @ across, end @ across
+    lines = []
+    for level in np.arange(first.min() + 0.5 * gap, first.max(), gap):
+        crossed = (first <= level) != (last <= level)
+        share = ((level - first[crossed]) / (last - first)[crossed])[:, None]
+        met = start[crossed] + share * (end - start)[crossed]
+        if len(met) == 2:
+            lines.append(met[np.argsort(met @ along)])
+    return lines
+
+
+def bodies(obstacles: Sequence[Obstacle], low: Vector3, high: Vector3) -> list[tuple[str, Any]]:
+    """Return obstacles in space as archetypes by number; those without end reach beyond ``low`` and ``high``."""
+    colour, fill = SCREEN.obstacle_body, rr.components.FillMode.Solid
+    length = 1.2 * float(np.linalg.norm(high - low))
+    drawn: list[tuple[str, Any]] = []
+    for number, obstacle in enumerate(obstacles, start=1):
+        body: Any
+        if isinstance(obstacle, Sphere):
+            body = rr.Ellipsoids3D(
+                centers=[obstacle.center], half_sizes=[[obstacle.radius] * 3], colors=colour, fill_mode=fill
+            )
+        elif isinstance(obstacle, Circle):
+            middle = [*obstacle.center, (low + high)[2] / 2]
+            height = float((high - low)[2])
+            body = rr.Cylinders3D(
+                centers=[middle], lengths=[height], radii=[obstacle.radius], colors=colour, fill_mode=fill
+            )
+        elif isinstance(obstacle, Capsule):
+            axis = obstacle.end - obstacle.start
+            body = rr.Capsules3D(
+                translations=[obstacle.start],
+                lengths=[float(np.linalg.norm(axis))],
+                radii=[obstacle.radius],
+                quaternions=[rr.Quaternion(xyzw=turn_of_z(axis))],
+                colors=colour,
+                fill_mode=fill,
+            )
+        else:
+            sizes = obstacle.half_sizes if len(obstacle.half_sizes) == 3 else [*obstacle.half_sizes, length / 2]
+            body = rr.Boxes3D(
+                centers=[obstacle.pose.position],
+                half_sizes=[sizes],
+                quaternions=[rr.Quaternion(xyzw=np.roll(obstacle.pose.quaternion, -1))],
+                colors=colour,
+                fill_mode=fill,
+            )
+        drawn.append((f"{number}", body))
+    return drawn
+
+
+def extent(obstacle: Obstacle) -> Float[np.ndarray, "corners 3"]:
+    """Return points [m] that an obstacle lies between, as far as it ends."""
+    if isinstance(obstacle, Circle):
+        return np.array([[*(obstacle.center + sign * obstacle.radius), 0.0] for sign in (-1, 1)])
+    if isinstance(obstacle, Sphere):
+        return np.array([obstacle.center + sign * obstacle.radius for sign in (-1, 1)])
+    if isinstance(obstacle, Capsule):
+        ends = np.array([obstacle.start, obstacle.end])
+        return np.concatenate([ends - obstacle.radius, ends + obstacle.radius])
+    sizes = np.pad(obstacle.half_sizes, (0, 3 - len(obstacle.half_sizes)))
+    signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
+    return np.asarray(obstacle.pose.apply(signs * sizes))
+
+
+def turn_of_z(axis: Vector3) -> np.ndarray:
+    """Return the quaternion (x, y, z, w) of a rotation that takes z to the direction of ``axis``."""
+    length = np.linalg.norm(axis)
+    if length == 0:
+        return np.array([0.0, 0.0, 0.0, 1.0])
+    x, y, z = axis / length
+    if z < -1 + 1e-12:
+        return np.array([1.0, 0.0, 0.0, 0.0])
+    quaternion = np.array([-y, x, 0.0, 1.0 + z])
+    return quaternion / np.linalg.norm(quaternion)
+
+
+# The surfaces of links in space, translucent: what obstacles must stay clear of, and what runs inside can be seen.
+
+
+@dataclass(frozen=True, kw_only=True)
+class LinkHulls:
+    """Capsules of a ``radius`` [m] around links: their lines alone are never hidden by them."""
+
+    radius: float
+
+    def send(
+        self,
+        recording: rr.RecordingStream,
+        entity: str,
+        columns: Sequence[rr.TimeColumn],
+        links: Float[np.ndarray, "rows nodes 3"],
+    ) -> None:
+        """Draw the links of each posture, a row of ``columns`` each."""
+        self._log_style(recording, entity)
+        capsules = _capsules(links)
+        per_row = [len(capsules["lengths"]) // len(links)] * len(links)
+        recording.send_columns(entity, columns, rr.Capsules3D.columns(**capsules).partition(per_row))
+
+    def log_posture(self, recording: rr.RecordingStream, entity: str, links: Float[np.ndarray, "nodes 3"]) -> None:
+        """Draw the links of a posture at the current time."""
+        self._log_style(recording, entity)
+        recording.log(entity, rr.Capsules3D.from_fields(**_capsules(links[None])))
+
+    def _log_style(self, recording: rr.RecordingStream, entity: str) -> None:
+        style = rr.Capsules3D.from_fields(
+            radii=[self.radius], colors=[SCREEN.hull], fill_mode=rr.components.FillMode.Solid
+        )
+        recording.log(entity, style, static=True)
+
+
+def _capsules(links: Float[np.ndarray, "rows nodes 3"]) -> dict[str, Any]:
+    """Return the fields of the capsules of all rows, those of one posture after those of the one before."""
+    axes = np.diff(links, axis=1)
+    lengths = np.linalg.norm(axes, axis=2)
+    is_link = (lengths > SCENES.shortest * lengths.max()).any(axis=0)
+    return {
+        "lengths": lengths[:, is_link].ravel(),
+        "translations": links[:, :-1][:, is_link].reshape(-1, 3),
+        "quaternions": np.array([turn_of_z(axis) for axis in axes[:, is_link].reshape(-1, 3)]),
+    }
+
+
+Links = Float[np.ndarray, "rows nodes 3"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ArmDrawing:
+    """The view at ``entity`` of a workcell; it holds all ``nodes`` (nodes, 3) [m] of arms."""
+
+    entity: str
+    workcell: Workcell
+    nodes: Float[np.ndarray, "nodes 3"]
+
+    def view(self, name: str) -> rrb.View:
+        """Return the view."""
+        name = screen_text(name)
+        if self.planar:
+            bounds = self._canvas.bounds()
+            return rrb.Spatial2DView(origin=self.entity, name=name, visual_bounds=bounds, background=SCREEN.background)
+        meshes = [f"+ {self._mesh_root}/**"] if self.meshes is not None else []
+        return rrb.Spatial3DView(
+            origin=self.entity,
+            contents=["+ $origin/**", *meshes],
+            name=name,
+            background=SCREEN.background,
+            line_grid=False,
+            eye_controls=self._ground.eye(),
+        )
+
+    def log_workcell(self, recording: rr.RecordingStream) -> None:
+        """Draw axes, base, obstacles, paths and places, for all times."""
+        if self.planar:
+            self._canvas.log(recording, f"{self.entity}/axes", static=True)
+        else:
+            recording.log(self.entity, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+            self._ground.log(recording, f"{self.entity}/axes")
+        self._log_obstacles(recording)
+        self._log_base(recording)
+        self._log_places(recording)
+        if self.meshes is not None:
+            self.meshes.log(recording, self.entity)
+
+    def strips(self, lines: Sequence[np.ndarray], colour: Any, radius: float, order: float, **more: Any) -> Any:
+        """Return lines (points, 3) [m] as they are drawn, ``radius`` in pixels, above what has a lower ``order``."""
+        placed = [self.place(line) for line in lines]
+        return self._kinds[0](placed, colors=colour, radii=rr.Radius.ui_points(radius), **self._order(order), **more)
+
+    def points(self, places: np.ndarray, colour: Any, radius: float, order: float, **more: Any) -> Any:
+        """Return points (points, 3) [m] as they are drawn, ``radius`` in pixels."""
+        radii = rr.Radius.ui_points(radius)
+        return self._kinds[1](self.place(places), colors=colour, radii=radii, **self._order(order), **more)
+
+    def send_arms(
+        self,
+        recording: rr.RecordingStream,
+        layer: str,
+        columns: Sequence[rr.TimeColumn],
+        links: Links,
+        axis: int | None,
+    ) -> None:
+        """Draw an arm in each posture of ``links``, a row of ``columns`` each.
+
+        The chosen one, without an ``axis``, has its links' width too and is drawn on those of axes, each of which is
+        drawn on those before.
+        """
+        placed, (rows, nodes, _) = self.place(links), links.shape
+        kind, dots = self._kinds
+        for part in self._log_style(recording, layer, nodes, axis):
+            recording.send_columns(f"{self.entity}/{layer}/{part}", columns, kind.columns(strips=list(placed)))
+        if axis is None and self._hulls is not None:
+            self._hulls.send(recording, f"{self.entity}/{layer}/body", columns, links)
+        positions = dots.columns(positions=placed.reshape(rows * nodes, -1)).partition([nodes] * rows)
+        recording.send_columns(f"{self.entity}/{layer}/joints", columns, positions)
+
+    def log_arm(
+        self,
+        recording: rr.RecordingStream,
+        layer: str,
+        links: Float[np.ndarray, "nodes 3"],
+        axis: int | None,
+    ) -> None:
+        """Draw an arm in a posture at the current time, as ``send_arms`` does."""
+        placed = self.place(links)
+        kind, dots = self._kinds
+        for part in self._log_style(recording, layer, len(links), axis):
+            recording.log(f"{self.entity}/{layer}/{part}", kind.from_fields(strips=[placed]))
+        if axis is None and self._hulls is not None:
+            self._hulls.log_posture(recording, f"{self.entity}/{layer}/body", links)
+        recording.log(f"{self.entity}/{layer}/joints", dots.from_fields(positions=placed))
+
+    def _log_style(self, recording: rr.RecordingStream, layer: str, nodes: int, axis: int | None) -> list[str]:
+        """Log the colours and widths of an arm, for all times; return the entities of its lines."""
+        entity, (kind, dots) = f"{self.entity}/{layer}", self._kinds
+        solid, place = axis is None, 0 if axis is None else axis % len(MARKS.arms)
+        widths = (MARKS.solid_arm, MARKS.arms[place]) if self.planar else MARKS.spatial_arms
+        colour, width = (SCREEN.arm if axis is None else SCREEN.end(axis)), widths[0 if solid else 1]
+        order = 7.0 if solid else 5.0 + 0.1 * place
+        parts: dict[str, tuple[Any, Colour, float]] = {"links": (rr.Radius.ui_points(width), colour, order)}
+        if solid and self._width and self.planar:
+            parts["body"] = (self._width, SCREEN.body, 2.0)
+        for part, (radius, tint, above) in parts.items():
+            style = kind.from_fields(colors=tint, radii=radius, **self._order(above))
+            recording.log(f"{entity}/{part}", style, static=True)
+        sizes = rr.Radius.ui_points([1.5 * width] * (nodes - 1) + [1.875 * width])
+        tints = [colour] * (nodes - 1) + [SCREEN.tool if solid else colour]
+        style = dots.from_fields(colors=tints, radii=sizes, **self._order(order + 0.05))
+        recording.log(f"{entity}/joints", style, static=True)
+        return list(parts)
+
+    @property
+    def _kinds(self) -> tuple[Any, Any]:
+        """The kinds of strips and points, in the plane or in space."""
+        return (rr.LineStrips2D, rr.Points2D) if self.planar else (rr.LineStrips3D, rr.Points3D)
+
+    def place(self, points: np.ndarray) -> np.ndarray:
+        """Return where points (..., 3) [m] lie on the view."""
+        return self._canvas.place(points[..., :2]) if self.planar else points
+
+    @property
+    def planar(self) -> bool:
+        """Whether the arm moves in a plane."""
+        return self.workcell.arm.is_planar
+
+    @cached_property
+    def meshes(self) -> ArmMeshes | None:
+        """The arm's meshes, where it has any."""
+        return None if self.planar else find_meshes(self.workcell.arm, self._mesh_root)
+
+    @property
+    def _mesh_root(self) -> str:
+        return self.entity.replace("/", "_") + "_meshes"
+
+    @property
+    def _hulls(self) -> LinkHulls | None:
+        """The surfaces of links in space, where they have any width; in the plane a wide line is enough."""
+        return LinkHulls(radius=self.workcell.link_radius) if self._width and not self.planar else None
+
+    @property
+    def _width(self) -> float:
+        """Half the width of links as drawn; 0 where they have none."""
+        scale = self._canvas.width / float(self._canvas.high[0] - self._canvas.low[0]) if self.planar else 1.0
+        return scale * self.workcell.link_radius
+
+    def _order(self, order: float) -> dict[str, float]:
+        """Return what is drawn above what, which only the plane knows."""
+        return {"draw_order": order} if self.planar else {}
+
+    def _log_obstacles(self, recording: rr.RecordingStream) -> None:
+        obstacles, entity = self.workcell.obstacles, f"{self.entity}/obstacles"
+        if not self.planar:
+            for name, body in bodies(obstacles, self._ground.low, self._ground.high):
+                recording.log(f"{entity}/{name}", body, static=True)
+            return
+        borders = [each for each in map(outline, obstacles) if each is not None]
+        if borders:
+            gap = 9.0 * float(self._canvas.high[0] - self._canvas.low[0]) / self._canvas.width
+            lines = [line for each in borders for line in hatch(each, gap=gap)]
+            for part, strips, colour, radius in (
+                ("hatch", lines, SCREEN.obstacle_body, 0.7),
+                ("outlines", borders, SCREEN.obstacle, 1.3),
+            ):
+                in_space = [np.pad(strip, ((0, 0), (0, 1))) for strip in strips]
+                recording.log(f"{entity}/{part}", self.strips(in_space, colour, radius, -2.0), static=True)
+
+    def _log_base(self, recording: rr.RecordingStream) -> None:
+        """Mark where the arm is mounted: the ground sign of mechanics, or in space a foot."""
+        base = self.workcell.arm.base
+        if self.planar:
+            foot = [[(0, 0), (-9, 14), (9, 14), (0, 0)], [(-15, 14), (15, 14)]]
+            ground = [[(d, 14), (d - 5, 20)] for d in (-8, 0, 8, 15)]
+            strips = [
+                self._canvas.place(base.position[:2]) + np.array(strip) @ self._foot_turn for strip in [*foot, *ground]
+            ]
+            sign = rr.LineStrips2D(strips, colors=SCREEN.base, radii=rr.Radius.ui_points(1.1), draw_order=0.5)
+            recording.log(f"{self.entity}/base", sign, static=True)
+            return
+        size = 0.05 * float(np.linalg.norm(self._ground.high - self._ground.low))
+        pedestal = rr.Cylinders3D(
+            centers=[base.position - base.rotation[:, 2] * 0.1 * size],
+            lengths=[0.2 * size],
+            radii=[size],
+            colors=SCREEN.base,
+            quaternions=[rr.Quaternion(xyzw=np.roll(base.quaternion, -1))],
+            fill_mode="solid",
+        )
+        recording.log(f"{self.entity}/base", pedestal, static=True)
+
+    @property
+    def _foot_turn(self) -> Float[np.ndarray, "2 2"]:
+        """Return the quarter turns of the ground sign: it stands downwards, unless first links would cover it."""
+        base = self.workcell.arm.base.position
+        first = self.nodes[1:][np.linalg.norm(self.nodes[:-1] - base, axis=1) < 1e-9] - base
+        links = (first[:, :2] / np.maximum(np.linalg.norm(first[:, :2], axis=1), 1e-12)[:, None]) * (1.0, -1.0)
+        turns = [np.linalg.matrix_power(np.array([[0.0, 1.0], [-1.0, 0.0]]), number) for number in (0, 1, 3, 2)]
+        nearest = [float((links @ turn[1]).max(initial=-1.0)) for turn in turns]  # the cosine to where it stands
+        return turns[0] if nearest[0] < SCENES.covered else turns[int(np.argmin(nearest))]
+
+    def _log_places(self, recording: rr.RecordingStream) -> None:
+        cell = self.workcell
+        if cell.paths:
+            recording.log(f"{self.entity}/target", self._targets(), static=True)
+        if cell.places:
+            places = np.array(list(cell.places.values()))
+            recording.log(f"{self.entity}/places", self.points(places, SCREEN.target, 4.0, 1.0), static=True)
+            recording.log(f"{self.entity}/places/names", self._names(list(cell.places), places), static=True)
+        if len(cell.directions):
+            start, ends = next(iter(cell.places.values())), self._arrow_ends
+            arrows = self.strips([np.array([start, end]) for end in ends], SCREEN.target, 1.6, 1.0)
+            recording.log(f"{self.entity}/directions/lines", arrows, static=True)
+            heads = self.points(ends, SCREEN.target, 3.0, 1.0)
+            recording.log(f"{self.entity}/directions/heads", heads, static=True)
+            recording.log(f"{self.entity}/directions/heads/names", self._names(self._arrow_names, ends), static=True)
+
+    def _names(self, names: Sequence[str], places: Float[np.ndarray, "names 3"]) -> Any:
+        """Return the names of places [m], in the plane off the arms, the arrows and all names before them."""
+        if not self.planar:
+            return self.points(places, SCREEN.target, 0.0, 1.0, labels=names, show_labels=True)
+        start, *_ = named = list(self.workcell.places.values())
+        shares = np.linspace(0.0, 1.0, 12)[:, None, None]
+        arrows = (start + shares * (self._arrow_ends - start)).reshape(-1, 3)
+        links = self.nodes[:-1] + shares * np.diff(self.nodes, axis=0)  # of one posture after the other
+        others = self.place(np.concatenate([links.reshape(-1, 3), arrows]))
+        words, marks = [*self.workcell.places, *self._arrow_names], self.place(np.array([*named, *self._arrow_ends]))
+        middles = separate_label_places(self._canvas, marks, words, others)
+        return labels(names, middles[[words.index(name) for name in names]], SCREEN.target)
+
+    def _targets(self) -> Any:
+        """Return the paths to follow: below what the tool does a wide line, in space beads on its string.
+
+        There two lines in one place would flicker through each other, whatever their widths.
+        """
+        paths = self.workcell.paths
+        if self.planar:
+            return self.strips(paths, SCREEN.target, 4.0, 0.0)
+        gap = SCENES.bead_gap * float(np.ptp(self._extent, axis=0).max())
+        return self.points(np.concatenate([beads(path, gap=gap) for path in paths]), SCREEN.target, 2.6, 0.0)
+
+    @property
+    def _arrow_ends(self) -> np.ndarray:
+        """Where arrows along the directions end."""
+        cell = self.workcell
+        start = next(iter(cell.places.values()), np.zeros(3))
+        return np.asarray(start + 0.3 * float(np.ptp(self.nodes, axis=0).max()) * cell.directions)
+
+    @property
+    def _arrow_names(self) -> list[str]:
+        return [f"direction {number + 1}" for number in range(len(self.workcell.directions))]
+
+    @cached_property
+    def _extent(self) -> np.ndarray:
+        """Points (points, 3) [m] that are to be seen."""
+        cell = self.workcell
+        around = [each for each in map(extent, cell.obstacles) if self.planar or np.ptp(each, axis=0).all()]
+        seen = [self.nodes, cell.arm.base.position[None], *cell.paths, *(place[None] for place in cell.places.values())]
+        return np.concatenate([*seen, *around, self._arrow_ends])
+
+    @cached_property
+    def _canvas(self) -> Canvas:
+        flat = Canvas(low=np.zeros(2), high=np.ones(2), labels=("x [m]", "y [m]"))
+        low, high = equal_window(self._extent[:, :2], width=flat.width, height=flat.height)
+        return Canvas(low=low, high=high, labels=flat.labels)
+
+    @cached_property
+    def _ground(self) -> Ground:
+        return Ground.around(self._extent)
+
+
+def beads(path: Float[np.ndarray, "samples 3"], *, gap: float) -> Float[np.ndarray, "beads 3"]:
+    """Return points along a path, its two ends among them, evenly and about a ``gap`` apart.
+
+    >>> beads(np.array([[0.0, 0, 0], [1, 0, 0]]), gap=0.5)[:, 0].tolist()
+    [0.0, 0.5, 1.0]
+    """
+    lengths = np.append(0.0, np.linalg.norm(np.diff(path, axis=0), axis=1).cumsum())
+    places = np.linspace(0.0, lengths[-1], 1 + max(1, round(float(lengths[-1]) / gap)))
+    return np.stack([np.interp(places, lengths, path[:, axis]) for axis in range(3)], axis=1)
+
+
+# Where a tool is to be, marked around the tool of an arm, and whether an arm on top leaves others to be seen.
+
+
+def target_mark(drawing: ArmDrawing, place: Float[np.ndarray, " 3"]) -> Any:
+    """Return the mark of a place [m] that a tool on it does not cover: in the plane a ring, in space a cross."""
+    if drawing.planar:
+        turn = np.linspace(0.0, 2 * np.pi, 49)
+        ring = drawing.place(place) + MARKS.target_ring * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+        return rr.LineStrips2D([ring], colors=SCREEN.path, radii=rr.Radius.ui_points(1.2), draw_order=9.0)
+    reach = SCENES.cross * np.ptp(drawing.nodes, axis=0).max() * np.eye(3)
+    return drawing.strips([np.stack([place - each, place + each]) for each in reach], SCREEN.path, 1.2, 9.0)
+
+
+def is_seen_beside(drawing: ArmDrawing, distance: float) -> bool:
+    """Say whether a thin arm at a ``distance`` [m] from a solid one is seen beside it, in space at an average depth."""
+    if drawing.planar:
+        origin, unit = drawing.place(np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]))
+        return bool(distance * np.linalg.norm(unit - origin) > MARKS.solid_arm)
+    scale = VIEWS.panels[0] / np.ptp(drawing.nodes, axis=0).max()
+    return bool(distance * scale > MARKS.spatial_arms[0])

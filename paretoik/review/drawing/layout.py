@@ -1,0 +1,258 @@
+"""The layout of a recording in the viewer: a legend above the front, the arm, and words beside each other."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from paretoik.review.drawing.axes import TEXT, labels, text_width
+from paretoik.review.palette import DRAWING, SCREEN, VIEWS, Colour
+
+# Tabs of views whose names can all be read.
+
+
+Group: TypeAlias = tuple[str, list[int]]  # the name of a tab, and the numbers of its views
+
+
+def fitting_tabs(views: Sequence[rrb.View], width: float) -> rrb.Tabs:
+    """Return views as tabs in a column so many pixels wide.
+
+    Where their names do not fit, they lose their units, which their axes have; then views whose names begin with one
+    word become tabs of a tab, which is called that; at last the longest names are cut.
+    """
+    names, groups = _arrange([str(view.name) for view in views], width)
+    tabs = list[rrb.View | rrb.Tabs]()
+    for view, name in zip(views, names, strict=True):
+        view.name = name
+    for name, members in groups:
+        group = [views[number] for number in members]
+        if len(group) == 1:
+            group[0].name = name
+        tabs.append(group[0] if len(group) == 1 else rrb.Tabs(*group, name=name))
+    return rrb.Tabs(*tabs)
+
+
+def nested_tabs(names: Sequence[str], width: float) -> list[bool]:
+    """Say which views of these names become tabs of a tab in a column so many pixels wide, below two rows of names."""
+    nested = {number for _, members in _arrange(names, width)[1] if len(members) > 1 for number in members}
+    return [number in nested for number in range(len(names))]
+
+
+def _arrange(names: Sequence[str], width: float) -> tuple[list[str], list[Group]]:
+    """Return the names of views as they are shown, and the tabs."""
+    room, shown = width - VIEWS.tab_controls, list(names)
+    if _width(shown) > room:
+        shown = [_without_unit(name) for name in shown]
+    groups: list[Group] = [(name, [number]) for number, name in enumerate(shown)]
+    for word, count in Counter(_first_word(name) for name in shown).most_common():
+        if count > 1 and _width([name for name, _ in groups]) > room:
+            groups = _grouped(groups, shown, word)
+    tabs = [name for name, _ in groups]
+    while _width(tabs) > room and max(map(len, tabs)) > 2:
+        longest = tabs.index(max(tabs, key=len))
+        tabs[longest] = tabs[longest].rstrip("…")[:-1] + "…"
+    return shown, [(name, members) for name, (_, members) in zip(tabs, groups, strict=True)]
+
+
+def _width(names: Sequence[str]) -> float:
+    return sum(VIEWS.tab_margin + VIEWS.tab_character * len(name) for name in names)
+
+
+def _without_unit(name: str) -> str:
+    """Return a name without what stands in brackets.
+
+    >>> _without_unit("best speed [m/s] ↑")
+    'best speed ↑'
+    """
+    before, bracket, after = name.partition(" [")
+    return before + after.partition("]")[2] if bracket else name
+
+
+def _first_word(name: str) -> str:
+    return name.split(" ")[0]
+
+
+def _grouped(groups: Sequence[Group], names: Sequence[str], word: str) -> list[Group]:
+    """Return groups in which the views whose names begin with a word are one, called that, where its first was."""
+    members = [number for number, name in enumerate(names) if _first_word(name) == word]
+    joined: list[Group] = []
+    for group in groups:
+        if group[1][0] not in members:
+            joined.append(group)
+        elif group[1][0] == members[0]:
+            joined.append((word, members))
+    return joined
+
+
+# The legend of a recording: what is drawn in which colour, in a strip above everything else.
+
+
+BULLET = "● "
+
+
+@dataclass(frozen=True, kw_only=True)
+class Legend:
+    """Words and the colours of what they name, at ``entity``, in rows so many pixels wide."""
+
+    entity: str
+    entries: Sequence[tuple[str, Colour]]
+    width: float = VIEWS.width
+
+    def view(self) -> rrb.View:
+        """Return the strip."""
+        bounds = rrb.VisualBounds2D(x_range=[0.0, self.width], y_range=[0.0, self.height])
+        return rrb.Spatial2DView(
+            origin=self.entity, name="legend", titlebar=False, visual_bounds=bounds, background=SCREEN.background
+        )
+
+    @property
+    def height(self) -> float:
+        """How high the strip is [pixels]."""
+        return self._row * (1 + max(row for row, _ in self._places()))
+
+    def log(self, recording: rr.RecordingStream) -> None:
+        """Draw the words, for all times."""
+        words = [BULLET + word for word, _ in self.entries]
+        middles = [
+            (x + 0.5 * text_width(word), (row + 0.5) * self._row)
+            for word, (row, x) in zip(words, self._places(), strict=True)
+        ]
+        colours = [colour for _, colour in self.entries]
+        recording.log(f"{self.entity}/words", labels(words, np.array(middles), colours), static=True)
+
+    @property
+    def _row(self) -> float:
+        return 1.5 * TEXT.line
+
+    def _places(self) -> list[tuple[int, float]]:
+        """Return the row of each entry, and where it begins."""
+        places, row, x = list[tuple[int, float]](), 0, 24.0
+        for word, _ in self.entries:
+            width = text_width(BULLET + word) + 36.0  # wider than needed, for smaller windows
+            if x + width > self.width and x > 24.0:
+                row, x = row + 1, 24.0
+            places.append((row, x))
+            x += width
+        return places
+
+
+TEXT_ENTITY = "text"  # entity of what is said of the point shown
+WHY = "notes/why"  # entity of the reason of the choice
+
+
+@dataclass(frozen=True, kw_only=True)
+class Layout:
+    """The views of a recording: the ``front`` above its ``charts``, the ``arm`` above its ``joints``, then ``texts``.
+
+    ``timeline`` is the one that plays, from ``start`` on, or from its beginning, so many ``frames`` a second of one
+    that counts; ``further`` views are tabs beside all of these.
+    """
+
+    legend: Legend
+    front: rrb.View | None
+    charts: Sequence[rrb.View]
+    arm: rrb.View | None
+    joints: Sequence[rrb.View]
+    texts: Sequence[rrb.View]
+    timeline: str
+    start: int | None = None
+    end: int = 0
+    name: str = "search"
+    frames: float = DRAWING.frames
+    further: Sequence[rrb.Container] = field(default_factory=tuple)
+
+    def blueprint(self) -> rrb.Blueprint:
+        """Return the layout as the viewer takes it."""
+        body = self.body()
+        if self.further:
+            body = rrb.Tabs(body, *self.further)
+        return rrb.Blueprint(
+            body,
+            rrb.BlueprintPanel(state="hidden"),
+            rrb.SelectionPanel(state="hidden"),
+            self._time_panel(),
+            auto_views=False,
+        )
+
+    def body(self) -> rrb.Container:
+        """Return legend and views."""
+        front, charts = self.front, list(self.charts)
+        if front is None and charts:
+            front, charts = charts[0], charts[1:]
+        columns = [(_column(front, charts), VIEWS.columns[0]), (_column(self.arm, self.joints), VIEWS.columns[1])]
+        columns.append((fitting_tabs(self.texts, VIEWS.columns[2]) if self.texts else None, VIEWS.columns[2]))
+        present = [(column, width) for column, width in columns if column is not None]
+        views = rrb.Horizontal(*(column for column, _ in present), column_shares=[width for _, width in present])
+        shares = [self.legend.height, VIEWS.body - self.legend.height]
+        return rrb.Vertical(self.legend.view(), views, row_shares=shares, name=self.name)
+
+    def _time_panel(self) -> rrb.TimePanel:
+        if self.start is None:
+            return rrb.TimePanel(timeline=self.timeline, state="collapsed", fps=self.frames)
+        # A viewer begins at the start of what it loops over.
+        selection = rrb.components.AbsoluteTimeRange(min=self.start, max=max(self.end, self.start + 1))
+        return rrb.TimePanel(
+            timeline=self.timeline,
+            state="collapsed",
+            fps=self.frames,
+            play_state="playing",
+            loop_mode="selection",
+            time_selection=selection,
+        )
+
+
+def choice_blueprint(
+    legend: Legend,
+    front: rrb.View | None,
+    below: Sequence[rrb.View],
+    arms: Sequence[tuple[rrb.View, Sequence[rrb.View]]],
+    texts: Sequence[rrb.View],
+    *,
+    name: str,
+    recorded: rrb.Container | None,
+    narrow: bool = False,
+    timeline: str = "motion",
+) -> rrb.Blueprint:
+    """Return the layout of a choice, or of two beside each other, on a common time; ``recorded`` may be a second tab.
+
+    Of one, words stand beside the arm; of two, or where the viewer is ``narrow``, below the front.
+    """
+    if len(texts) == 1 and not narrow:
+        arm, joints = arms[0] if arms else (None, ())
+        body = Layout(
+            legend=legend, front=front, charts=below, arm=arm, joints=joints, texts=texts, timeline=timeline, name=name
+        ).body()
+    else:
+        left = _column(front, [*texts, *below])
+        columns = [each for each in (left, *(_column(arm, joints) for arm, joints in arms)) if each is not None]
+        shares = [legend.height, VIEWS.body - legend.height]
+        body = rrb.Vertical(legend.view(), rrb.Horizontal(*columns), row_shares=shares, name=name)
+    return rrb.Blueprint(
+        body if recorded is None else rrb.Tabs(body, recorded),
+        rrb.BlueprintPanel(state="hidden"),
+        rrb.SelectionPanel(state="hidden"),
+        rrb.TimePanel(timeline=timeline, state="collapsed", fps=DRAWING.frames),
+        auto_views=False,
+    )
+
+
+def text_view(name: str) -> rrb.View:
+    """Return the view of what is said of the point shown."""
+    return rrb.TextDocumentView(origin=TEXT_ENTITY, name=name)
+
+
+def note_view() -> rrb.View:
+    """Return the view of what was left out."""
+    return rrb.TextDocumentView(origin="notes/left_out", name="left out")
+
+
+def _column(above: rrb.View | None, below: Sequence[rrb.View]) -> rrb.Container | None:
+    views = ([above] if above is not None else []) + ([fitting_tabs(below, VIEWS.panels[0])] if below else [])
+    shares = [VIEWS.panels[1] + VIEWS.title, VIEWS.chart[1] + VIEWS.title][: len(views)]
+    return rrb.Vertical(*views, row_shares=shares) if views else None

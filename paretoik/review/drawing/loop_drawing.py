@@ -1,0 +1,364 @@
+"""The recording of a closed loop that is over: every step at its sample of the motion, and the searches of some."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+from jaxtyping import Float, Int
+
+from paretoik.review.drawing.arm import ArmDrawing, is_seen_beside, target_mark
+from paretoik.review.drawing.axes import Canvas, screen_text
+from paretoik.review.drawing.front_panels import normalised, outside_panels
+from paretoik.review.drawing.layout import TEXT_ENTITY as TEXT
+from paretoik.review.drawing.layout import Layout, Legend, text_view
+from paretoik.review.drawing.motion import MotionScene
+from paretoik.review.drawing.point_text import (
+    NO_RANGE,
+    beginning_text,
+    loop_guide,
+    outside_text,
+    range_text,
+    search_hint,
+    text_of,
+)
+from paretoik.review.drawing.scatter import SearchScene
+from paretoik.review.drawing.search_charts import FrontViews, RecordedSearch, search_entries
+from paretoik.review.palette import SCREEN, VIEWS
+from paretoik.review.recording.messages import RecordedPoint, Workcell, chosen_point
+from paretoik.review.recording.recorder import Generation, SearchedStep
+from paretoik.review.words import counted
+from paretoik.robot.kinematics import link_nodes
+
+# How the search of one control step is drawn: its generations, and the arm of every individual of the last.
+#
+# It stands on two timelines of its own, ``generation`` and ``individual``; on the others its last generation is there
+# from the end of its step on.
+
+
+POPULATION, ARMS, PATH = "population", "arms of the front", "path to follow"
+ENTRIES = (
+    (POPULATION, SCREEN.population),
+    ("front of the generation", SCREEN.front),
+    ("chosen by the weights, or the individual looked at", SCREEN.chosen),
+    ("its arm", SCREEN.arm),
+    (ARMS, SCREEN.ghost),
+    (PATH, SCREEN.target),
+    ("where the tool is to be", SCREEN.path),
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StepScene:
+    """The search of one step of a closed loop, whose objectives ``loop`` names, in a ``workcell``."""
+
+    loop: SearchScene
+    step: SearchedStep
+    workcell: Workcell | None = None
+
+    def view(self) -> rrb.Container:
+        """Return the views: the fronts, and beside them the arm, below a legend."""
+        arm = self._drawing.view(f"{ARMS if self._shows_arms else 'arm'}, step {self.step.sample}")
+        text = rrb.TextDocumentView(origin=f"{self._root}/text", name="generation, individual")
+        shown = [*([self._scene.view()] if self._canvases else []), arm, text]
+        views = rrb.Horizontal(*shown, column_shares=VIEWS.columns[-len(shown) :])
+        shares = [self._legend.height, VIEWS.body - self._legend.height]
+        return rrb.Vertical(self._legend.view(), views, row_shares=shares, name=f"search of step {self.step.sample}")
+
+    def log(self, recording: rr.RecordingStream, end: Mapping[str, float]) -> None:
+        """Log the search; its last generation also stands at the ``end`` of the step on other timelines, by name."""
+        self._legend.log(recording)
+        self._scene.log_axes(recording, self._canvases, static=True)
+        self._drawing.log_workcell(recording)
+        last = len(self.step.objectives) - 1
+        for number in range(last + 1):
+            recording.reset_time()
+            recording.set_time("generation", sequence=number)
+            self._log_generation(recording, number)
+        for place in (0, self.step.sample):  # from the loop's beginning on, so that the tab is never empty
+            recording.reset_time()
+            recording.set_time("step", sequence=place)
+            for timeline, seconds in end.items():
+                recording.set_time(timeline, duration=seconds if place else 0.0)
+            self._log_generation(recording, last)
+        alive = np.flatnonzero(np.isfinite(self.step.objectives[last]).all(axis=1))
+        order = alive[np.argsort(self.step.objectives[last, alive, 0], kind="stable")]
+        for place, individual in enumerate(order):
+            recording.reset_time()
+            recording.set_time("individual", sequence=place)
+            if place == 0:
+                self._log_generation(recording, last)
+            self._log_individual(recording, last, int(individual))
+            words = f"## Point {individual}, number {place + 1} of {len(order)} by {self.loop.names[0]}\n\n"
+            words += "The weights choose it.\n\n" if individual == self.step.chosen[last] else ""
+            self._log_text(recording, words + self._objectives(last, int(individual)))
+        recording.reset_time()
+
+    def _log_generation(self, recording: rr.RecordingStream, number: int) -> None:
+        """Draw a generation at the current time: its population and front, and the arms of the front."""
+        objectives, front = self.step.objectives[number], self.step.fronts[number]
+        alive = np.isfinite(objectives).all(axis=1)
+        self._log_text(recording, self._generation_text(number))
+        scene, canvases, drawing = self._scene, self._canvases, self._drawing
+        within = objectives[front] if len(front) else None
+        scene.log_points(recording, "population", objectives[alive], canvases, reference=within)
+        scene.log_points(recording, "front", objectives[front], canvases, ids=front, named=True, reference=within)
+        named = {"labels": [f"point {individual}" for individual in front], "show_labels": False}
+        ghosts = drawing.strips(list(self._links(number, front)), SCREEN.ghost, 1.0, 0.0, **named)
+        recording.log(f"{drawing.entity}/front", ghosts)
+        recording.log(f"{drawing.entity}/place", target_mark(drawing, self.step.target))
+        if len(front):
+            self._log_individual(recording, number, int(self.step.chosen[number]))
+
+    def _log_individual(self, recording: rr.RecordingStream, number: int, individual: int) -> None:
+        """Draw one individual of a generation: its objectives and its arm."""
+        row = np.array([individual])
+        objectives = self.step.objectives[number, row]
+        front = self.step.objectives[number, self.step.fronts[number]]
+        self._scene.log_points(
+            recording,
+            "chosen",
+            objectives,
+            self._canvases,
+            ids=row,
+            named=True,
+            avoided=normalised(front, front),
+            reference=front,
+        )
+        links = self._links(number, row)[0]
+        self._drawing.log_arm(recording, "chosen", links, None)
+
+    def _generation_text(self, number: int) -> str:
+        """Return what is to be known of a generation, and of the individual that the weights choose."""
+        objectives, front = self.step.objectives[number], self.step.fronts[number]
+        alive = np.isfinite(objectives).all(axis=1)
+        shown = normalised(objectives[alive], objectives[front]) if len(front) else objectives[alive]
+        outside = outside_panels(self._scene.panels.pairs, self._canvases, shown)
+        lines = [
+            f"# Step {self.step.sample}, generation {number}",
+            f"{counted(len(front), 'point')} on its front; of {counted(len(alive), 'individual')} "
+            f"{(~alive).sum()} failed.",
+            *outside_text(outside, int(alive.sum()), "the front"),
+        ]
+        if len(front) == 1:
+            lines += ["", NO_RANGE]
+        if len(front) > 1 and not is_seen_beside(self._drawing, distance := self._distance(number)):
+            lines += ["", f"All arms of the front lie under the white one, at most {distance:.2g} m from it."]
+        if len(front):
+            low, high = objectives[front].min(axis=0), objectives[front].max(axis=0)
+            ranges = zip(self.loop.names, low, high, self.loop.units, strict=True)
+            lines += ["", "## Ranges of the front", ""]
+            lines += [f"- **{name}**: {range_text(least, most, unit)}" for name, least, most, unit in ranges]
+            lines += ["", "## Chosen by the weights", "", self._objectives(number, int(self.step.chosen[number]))]
+        return "\n".join(lines)
+
+    def _objectives(self, number: int, individual: int) -> str:
+        values = self.step.objectives[number, individual]
+        named = zip(self.loop.names, values, self.loop.units, strict=True)
+        return "\n".join(f"- **{name}**: {value:.6g} {unit}".rstrip() for name, value, unit in named)
+
+    def _log_text(self, recording: rr.RecordingStream, words: str) -> None:
+        document = rr.TextDocument(screen_text(words), media_type="text/markdown")
+        recording.log(f"{self._root}/text", document)
+
+    def _links(self, number: int, rows: Int[np.ndarray, " rows"]) -> Float[np.ndarray, "rows nodes 3"]:
+        return np.asarray(link_nodes(self.step.arm, self.step.q[number, rows]))
+
+    @property
+    def _root(self) -> str:
+        return f"step_{self.step.sample}"
+
+    @property
+    def _legend(self) -> Legend:
+        obstacles = [("obstacle", SCREEN.obstacle)] if self.workcell is not None and self.workcell.obstacles else []
+        has_path = bool(self._drawing.workcell.paths)
+        shows = {POPULATION: self._shows_population, ARMS: self._shows_arms, PATH: has_path}
+        entries = [(words, colour) for words, colour in ENTRIES if shows.get(words, True)]
+        return Legend(entity=f"{self._root}/legend", entries=[*entries, *obstacles])
+
+    @cached_property
+    def _shows_population(self) -> bool:
+        """Whether any individual that is not on the front of its generation lies inside the axes."""
+        panels = list(zip(self._scene.panels.pairs, self._canvases, strict=False))
+        for objectives, front in zip(self.step.objectives, self.step.fronts, strict=True):
+            others = np.delete(objectives, front, axis=0)
+            shown = normalised(others, objectives[front]) if len(front) else others
+            if any(canvas.shows(shown[:, list(pair)]).any() for pair, canvas in panels):
+                return True
+        return False
+
+    @cached_property
+    def _shows_arms(self) -> bool:
+        """Whether in any generation an arm of the front is seen beside the chosen one."""
+        numbers = range(len(self.step.fronts))
+        return is_seen_beside(self._drawing, max(map(self._distance, numbers), default=0.0))
+
+    def _distance(self, number: int) -> float:
+        """Return how far nodes of the arms of a front are from those of the chosen one, at most [m]."""
+        front = self.step.fronts[number]
+        if not len(front):
+            return 0.0
+        chosen = self._links(number, self.step.chosen[number : number + 1])
+        return float(np.linalg.norm(self._links(number, front) - chosen, axis=-1).max())
+
+    @cached_property
+    def _scene(self) -> SearchScene:
+        return replace(self.loop, root=(self._root,))
+
+    @cached_property
+    def _canvases(self) -> list[Canvas]:
+        alive = np.isfinite(self.step.objectives).all(axis=2)
+        return self._scene.canvases(self.step.objectives[alive])
+
+    @cached_property
+    def _drawing(self) -> ArmDrawing:
+        cell = Workcell(arm=self.step.arm) if self.workcell is None else self.workcell
+        shown = [self._links(number, front) for number, front in enumerate(self.step.fronts)]
+        nodes = np.concatenate([*(links.reshape(-1, 3) for links in shown), self.step.target[None]])
+        return ArmDrawing(entity=f"{self._root}/arm", workcell=cell, nodes=nodes)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FinishedLoop:
+    """A closed loop: its steps as the generations of a ``search``, at whose end is its motion."""
+
+    search: RecordedSearch
+
+    def log(self, stream: rr.RecordingStream) -> None:
+        """Draw everything."""
+        self._log_still(stream)
+        self._log_beginning(stream)
+        for generation in self._steps:
+            self._set_time(stream, generation.number)
+            self._log_step(stream, generation)
+        stream.reset_time()
+        self._send_motion(stream)
+        if self._searches and self._steps:
+            for timeline in ("generation", "individual"):  # of searched steps: the loop stands still meanwhile
+                stream.set_time(timeline, sequence=0)
+            self._log_step(
+                stream, self._opening or self._steps[-1], search_hint([each.step.sample for each in self._searches])
+            )
+        for each in self._searches:
+            each.log(stream, self._times_of(each.step.sample))
+        stream.reset_time()
+        stream.send_blueprint(self._layout.blueprint())
+
+    def _log_still(self, stream: rr.RecordingStream) -> None:
+        self._views.log(stream)
+        self._layout.legend.log(stream)
+        if self._motions is not None:
+            self._motions.log(stream)
+
+    def _log_beginning(self, stream: rr.RecordingStream) -> None:
+        """Say at step 0, beside its picture and in it, why it has no front; cursors stand at the first that has one."""
+        if not self._steps or self._steps[0].number == 0:
+            return
+        self._set_time(stream, 0)
+        stream.log(TEXT, rr.TextDocument(beginning_text(self._steps[0].number), media_type="text/markdown"))
+        self._views.log_cursors(stream, self._steps[0].number)
+        self._views.log_note(stream, f"no front before step {self._steps[0].number}")
+        self._set_time(stream, self._steps[0].number)
+        self._views.log_note(stream, "")
+
+    def _set_time(self, stream: rr.RecordingStream, step: int) -> None:
+        stream.reset_time()
+        stream.set_time("step", sequence=step)
+        for timeline, seconds in self._times_of(step).items():
+            stream.set_time(timeline, duration=seconds)
+
+    def _times_of(self, step: int) -> dict[str, float]:
+        """Return when a step ends, on the timeline of the motion if there is one."""
+        motion = None if self._point is None else self._point.motion
+        return {} if motion is None else {"motion": float(motion.time[step])}
+
+    def _log_step(self, stream: rr.RecordingStream, generation: Generation, hint: str = "") -> None:
+        """Draw a step at the current time, with what is to be known of it, a hint first."""
+        choice, opening = self.search.end.choice, None if self._opening is None else self._opening.number
+        words = [hint, text_of(self.search.scene, generation)]
+        if choice is not None:
+            words.append(f"## The whole loop\n\n{screen_text(choice.reason)}")
+        words.append(loop_guide([each.step.sample for each in self._searches], opening))
+        self._views.log_generation(stream, generation, "\n\n".join(filter(None, words)))
+
+    def _send_motion(self, stream: rr.RecordingStream) -> None:
+        """Let the arm move, a sample a step; before the first it stands at its start."""
+        point = self._point
+        if self._motions is None or point is None or point.motion is None:
+            return
+        times = point.motion.time
+        columns = [rr.TimeColumn("motion", duration=times), rr.TimeColumn("step", sequence=np.arange(len(times)))]
+        self._set_time(stream, 0)
+        self._motions.log_whole(stream, [point], row=0)
+        if self._searches and self._opening is not None:
+            stream.reset_time()
+            for timeline in ("generation", "individual"):
+                stream.set_time(timeline, sequence=0)
+            self._motions.log_whole(stream, [point], row=self._opening.number)
+        stream.reset_time()
+        self._motions.send(stream, point, columns)
+        self._motions.send_series(stream, point, columns)
+
+    @cached_property
+    def _opening(self) -> Generation | None:
+        """The step that the recording opens on: the first whose search was recorded, else that of the widest front.
+
+        The widest has the largest product of ranges among those in which every objective varies.
+        """
+        recorded = {each.sample for each in self.search.end.searched}
+        steps = [each for each in self._steps if each.number in recorded]
+        if steps:
+            return steps[0]
+        widths = [
+            np.log(np.ptp(each.front, axis=0)).sum()
+            if len(each.front) and np.ptp(each.front, axis=0).all()
+            else -np.inf
+            for each in self._steps
+        ]
+        return self._steps[int(np.argmax(widths))] if widths and np.isfinite(max(widths)) else None
+
+    @cached_property
+    def _point(self) -> RecordedPoint | None:
+        return None if self.search.end.choice is None else chosen_point(self.search.end.choice)
+
+    @cached_property
+    def _motions(self) -> MotionScene | None:
+        cell = self.search.recorded.workcell
+        if cell is None or self._point is None or self._point.motion is None:
+            return None
+        return MotionScene(workcell=cell, names=self.search.scene.names, points=[self._point], title="arm")
+
+    @cached_property
+    def _searches(self) -> list[StepScene]:
+        scene, cell = self.search.scene, self.search.recorded.workcell
+        return [StepScene(loop=scene, step=each, workcell=cell) for each in self.search.end.searched]
+
+    @property
+    def _steps(self) -> Sequence[Generation]:
+        return self.search.generations
+
+    @cached_property
+    def _views(self) -> FrontViews:
+        fronts = [np.empty((0, len(self.search.scene.names))), *(each.front for each in self._steps)]
+        return FrontViews(search=self.search, shown=np.concatenate(fronts), note=self.search.note)
+
+    @cached_property
+    def _layout(self) -> Layout:
+        motions, opening = self._motions, self._opening
+        return Layout(
+            legend=Legend(entity="legend", entries=search_entries(self.search.scene, motions, chosen="chosen")),
+            front=self._views.front,
+            charts=self._views.charts,
+            arm=None if motions is None else motions.view(),
+            joints=[] if motions is None else [chart.view() for chart in motions.charts.values()],
+            texts=[text_view("step"), *self._views.notes],
+            timeline="step",
+            start=None if opening is None else opening.number,
+            end=self._steps[-1].number if self._steps else 0,
+            name="loop",
+            further=[each.view() for each in self._searches],
+        )

@@ -1,0 +1,355 @@
+"""The recording of directional maxima: the polygon grows, and the arm stands in each maximising posture."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from paretoik.review.drawing.arm import ArmDrawing
+from paretoik.review.drawing.axes import Canvas, equal_window, screen_text
+from paretoik.review.drawing.charts import Chart, LimitLine
+from paretoik.review.drawing.labels import joined_label, no_label
+from paretoik.review.drawing.layout import TEXT_ENTITY as TEXT
+from paretoik.review.drawing.layout import Layout, Legend, note_view, text_view
+from paretoik.review.drawing.motion import CHOSEN, limit_lines
+from paretoik.review.drawing.search_charts import DrawnChart, fit_drawn_charts, maxima_entries
+from paretoik.review.drawing.space import Ground
+from paretoik.review.palette import DRAWING, SCENES, SCREEN, Colour, joint_units
+from paretoik.review.recording.messages import MaximaEnd, MaximaScene
+from paretoik.review.words import run_text
+from paretoik.robot.kinematics import link_nodes
+from paretoik.task.limits import JOINT_UNITS
+
+# The panel of directional maxima: their vectors, in the plane as a polygon, in space as rays.
+
+
+ENTITY = "maxima"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MaximaPanel:
+    """The maxima of an ``end`` as vectors from the origin, on axes of speed or force."""
+
+    scene: MaximaScene
+    end: MaximaEnd
+
+    def view(self) -> rrb.View:
+        """Return the view."""
+        name = f"highest {self.scene.word} in each direction"
+        if self.planar:
+            bounds = self._canvas.bounds()
+            return rrb.Spatial2DView(origin=ENTITY, name=name, visual_bounds=bounds, background=SCREEN.background)
+        return rrb.Spatial3DView(
+            origin=ENTITY,
+            name=name,
+            background=SCREEN.background,
+            line_grid=False,
+            eye_controls=self._ground.eye(),
+        )
+
+    def log(self, recording: rr.RecordingStream) -> None:
+        """Draw axes, and behind all that follows all maxima, for all times."""
+        if self.planar:
+            self._canvas.log(recording, f"{ENTITY}/axes", static=True)
+        else:
+            recording.log(ENTITY, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+            self._ground.log(recording, f"{ENTITY}/axes")
+        everything = (
+            self._outline(len(self.end), SCREEN.final, 0.8, 0.5)
+            if self.planar
+            else self._rays(len(self.end), SCREEN.final, 0.8)
+        )
+        recording.log(f"{ENTITY}/final", everything, static=True)
+        origin = self._points(np.zeros((1, 3)), SCREEN.target, 4.0, 1.0)
+        recording.log(f"{ENTITY}/origin", origin, static=True)
+
+    def log_until(self, recording: rr.RecordingStream, count: int) -> None:
+        """Draw the first so many maxima, the last of them as the chosen one."""
+        tips = self.tips[:count]
+        is_reached = np.isfinite(tips).all(axis=1)
+        recording.log(f"{ENTITY}/rays", self._rays(count, SCREEN.front, 0.6))
+        recording.log(f"{ENTITY}/outline", self._outline(count, SCREEN.front, 1.6, 2.0))
+        names = [f"direction {number}" for number in np.flatnonzero(is_reached) + 1]
+        corners = self._points(tips[is_reached], SCREEN.front, 3.2, 3.0, labels=names, show_labels=False)
+        recording.log(f"{ENTITY}/corners", corners)
+        chosen = tips[count - 1 : count][is_reached[-1:]]
+        arrow = [np.stack([np.zeros(3), tip]) for tip in chosen]
+        recording.log(f"{ENTITY}/chosen/ray", self._strips(arrow, SCREEN.chosen, 2.0, 4.0))
+        recording.log(f"{ENTITY}/chosen/tip", self._points(chosen, SCREEN.chosen, 6.0, 5.0))
+        recording.log(f"{ENTITY}/chosen/name", *self._name(chosen, f"direction {count}"))
+
+    def _name(self, tip: np.ndarray, words: str) -> Sequence[Any]:
+        """Return the name of a tip (0 or 1, 3), in the plane off all rays and corners."""
+        if not len(tip):
+            return no_label() if self.planar else [rr.Points3D([])]
+        if not self.planar:
+            radii = rr.Radius.ui_points(0.0)
+            return [rr.Points3D(1.12 * tip, labels=[words], show_labels=True, colors=SCREEN.chosen, radii=radii)]
+        shares = np.linspace(0.0, 1.0, 12)[:, None, None]
+        rays = (shares * self.tips[np.isfinite(self.tips).all(axis=1), :2]).reshape(-1, 2)
+        at = self._canvas.place
+        return joined_label(self._canvas, at(tip[0, :2]), words, at(rays), SCREEN.chosen)
+
+    @property
+    def planar(self) -> bool:
+        """Whether the maxima lie in a plane."""
+        return self.end.directions.shape[1] == 2
+
+    @cached_property
+    def tips(self) -> np.ndarray:
+        """The maxima as vectors (directions, 3), NaN where none was found."""
+        vectors = self.end.values[:, None] * self.end.directions
+        return np.pad(vectors, ((0, 0), (0, 3 - vectors.shape[1])))
+
+    def _rays(self, count: int, colour: Colour, radius: float) -> Any:
+        tips = self.tips[:count]
+        rays = [np.stack([np.zeros(3), tip]) for tip in tips if np.isfinite(tip).all()]
+        return self._strips(rays, colour, radius, 0.8)
+
+    def _outline(self, count: int, colour: Colour, radius: float, order: float) -> Any:
+        """Return the polygon through the first so many maxima, closed where these are all; in space none."""
+        tips = self.tips[:count]
+        tips = tips[np.isfinite(tips).all(axis=1)]
+        if not self.planar or len(tips) < 2:
+            return self._strips([], colour, radius, order)
+        whole = count == len(self.end) and len(tips) > 2
+        around = np.argsort(np.arctan2(tips[:, 1], tips[:, 0]), kind="stable") if whole else np.arange(len(tips))
+        return self._strips([tips[np.append(around, around[0])] if whole else tips], colour, radius, order)
+
+    def _strips(self, lines: list[np.ndarray], colour: Colour, radius: float, order: float) -> Any:
+        radii = rr.Radius.ui_points(radius)
+        if not self.planar:
+            return rr.LineStrips3D(lines, colors=colour, radii=radii)
+        placed = [self._canvas.place(line[:, :2]) for line in lines]
+        return rr.LineStrips2D(placed, colors=colour, radii=radii, draw_order=order)
+
+    def _points(self, places: np.ndarray, colour: Colour, radius: float, order: float, **more: Any) -> Any:
+        radii = rr.Radius.ui_points(radius)
+        if not self.planar:
+            return rr.Points3D(places, colors=colour, radii=radii, **more)
+        return rr.Points2D(self._canvas.place(places[:, :2]), colors=colour, radii=radii, draw_order=order, **more)
+
+    @cached_property
+    def _seen(self) -> np.ndarray:
+        return np.concatenate([np.zeros((1, 3)), self.tips[np.isfinite(self.tips).all(axis=1)]])
+
+    @property
+    def _labels(self) -> tuple[str, str, str]:
+        along = f"{self.scene.word} along " if self.planar else ""  # in space labels are short, to be in sight
+        x, y, z = (f"{along}{axis} [{self.scene.unit}]" for axis in "xyz")
+        return x, y, z
+
+    @cached_property
+    def _canvas(self) -> Canvas:
+        flat = Canvas(low=np.zeros(2), high=np.ones(2), labels=self._labels[:2])
+        seen = self._seen[:, :2] if len(self._seen) > 1 else np.array([[-1.0, -1.0], [1.0, 1.0]])
+        low, high = equal_window(seen, width=flat.width, height=flat.height)
+        return Canvas(low=low, high=high, labels=flat.labels)
+
+    @cached_property
+    def _ground(self) -> Ground:
+        return Ground.around(self._seen, labels=self._labels)
+
+
+# What is said of a directional maximum beside its pictures, in Markdown.
+
+
+def maximum_text(scene: MaximaScene, end: MaximaEnd, number: int) -> str:
+    """Return what is to be known of the maximum along a direction, by its number from 1."""
+    row, arm = number - 1, scene.workcell.arm
+    value, direction = end.values[row], end.directions[row]
+    lines = [
+        f"# Direction {number} of {len(end)}",
+        f"- along ({', '.join(f'{_without_dust(each, direction):.3g}' for each in direction)})",
+    ]
+    if len(direction) == 2:
+        lines[-1] += f", {np.degrees(np.arctan2(direction[1], direction[0])) % 360:.4g}° from x"
+    if not np.isfinite(value):
+        return screen_text("\n".join([*lines, "- no posture was found that reaches it and can be held"]))
+    best, worst = int(np.nanargmax(end.values)), int(np.nanargmin(end.values))
+    lines += [
+        f"- highest {scene.word} {value:.4g} {scene.unit}; of all directions {end.values[worst]:.4g} (direction "
+        f"{worst + 1}) to {end.values[best]:.4g} (direction {best + 1})",
+        "",
+        "## Joints",
+        "",
+    ]
+    for joint, (name, kind) in enumerate(zip(arm.joint_names, arm.joint_types, strict=True)):
+        position, speed, effort = ("m", "m/s", "N") if kind == "prismatic" else ("rad", "rad/s", "N m")
+        torque = _without_dust(end.torque[row, joint], end.torque)
+        words = f"- **{name}**: {end.q[row, joint]:.4g} {position}, {'force' if kind == 'prismatic' else 'torque'} "
+        words += f"{torque:.3g} {effort}"
+        unit = speed if scene.quantity == "velocity" else effort
+        if scene.quantity == "velocity":
+            words += f", {_without_dust(end.dq[row, joint], end.dq):.4g} {speed}"
+        low, high = end.lower[row, joint], end.upper[row, joint]
+        lines.append(f"{words}; motors allow {low:.3g} to {high:.3g} {unit}")
+    if end.sliders is not None:
+        lines += ["", "## Sliders", ""]
+        lines += [
+            f"- **{name}**: its front slider at {1e3 * end.sliders[row, 0, joint]:.4g} mm, its back slider at "
+            f"{1e3 * end.sliders[row, 1, joint]:.4g} mm"
+            for joint, name in enumerate(arm.joint_names)
+        ]
+    return screen_text("\n".join([*lines, "", run_text(end.provenance)]))
+
+
+def _without_dust(value: float, all_values: np.ndarray) -> float:
+    """Return a value, 0 where it is but rounding beside the largest of all."""
+    return 0.0 if abs(value) <= DRAWING.rounding * float(np.nanmax(np.abs(all_values))) else float(value)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FinishedMaxima:
+    """Directional maxima on the timeline ``direction``, from 1 on; ``note`` says what was left out."""
+
+    scene: MaximaScene
+    messages: Sequence[object]
+    end: MaximaEnd
+    note: str = ""
+
+    def log(self, stream: rr.RecordingStream) -> None:
+        """Draw everything."""
+        self._layout.legend.log(stream)
+        self._panel.log(stream)
+        self._drawing.log_workcell(stream)
+        for chart, instants, curves in self._charts:
+            chart.log(stream)
+            chart.draw(stream, instants, curves, static=True)
+        if self.note:
+            stream.log("notes/left_out", rr.TextDocument(self.note), static=True)
+        stream.log(
+            "search/maxima",
+            rr.AnyValues(values=self.end.values, directions=self.end.directions.ravel(), q=self.end.q.ravel()),
+            static=True,
+        )
+        for number in range(1, len(self.end) + 1):
+            stream.set_time("direction", sequence=number)
+            self._log_direction(stream, number)
+        stream.reset_time()
+        stream.send_blueprint(self._layout.blueprint())
+
+    def _log_direction(self, stream: rr.RecordingStream, number: int) -> None:
+        """Draw the maximum along a direction, by its number, behind it those before it."""
+        self._panel.log_until(stream, number)
+        words = maximum_text(self.scene, self.end, number)
+        stream.log(TEXT, rr.TextDocument(words, media_type="text/markdown"))
+        for chart, _, _ in self._charts:
+            chart.log_cursor(stream, float(number))
+        drawing, is_reached = self._drawing, np.isfinite(self.end.values[:number])
+        before = self._links[: number - 1][is_reached[:-1]]
+        stream.log(f"{drawing.entity}/postures", drawing.strips(list(before), SCREEN.ghost, 1.0, 0.0))
+        arrow = np.stack([self._place, self._arrow_ends[number - 1]])
+        stream.log(f"{drawing.entity}/direction/line", drawing.strips([arrow], SCREEN.chosen, 2.0, 9.0))
+        stream.log(f"{drawing.entity}/direction/head", drawing.points(arrow[1:], SCREEN.chosen, 4.5, 9.0))
+        if is_reached[-1]:
+            drawing.log_arm(stream, CHOSEN, self._links[number - 1], None)
+            if drawing.meshes is not None:
+                drawing.meshes.log_posture(stream, self.end.q[number - 1])
+        else:
+            stream.log(f"{drawing.entity}/{CHOSEN}", rr.Clear(recursive=True))
+
+    @cached_property
+    def _panel(self) -> MaximaPanel:
+        return MaximaPanel(scene=self.scene, end=self.end)
+
+    @cached_property
+    def _links(self) -> np.ndarray:
+        return np.asarray(link_nodes(self.scene.workcell.arm, self.end.q))
+
+    @property
+    def _place(self) -> np.ndarray:
+        """Where the tool is [m]."""
+        return next(iter(self.scene.workcell.places.values()))
+
+    @cached_property
+    def _arrow_ends(self) -> np.ndarray:
+        directions = np.pad(self.end.directions, ((0, 0), (0, 3 - self.end.directions.shape[1])))
+        reach = float(np.nanmax(np.ptp(self._links, axis=(0, 1))))
+        return np.asarray(self._place + SCENES.arrow * reach * directions)
+
+    @cached_property
+    def _drawing(self) -> ArmDrawing:
+        nodes = self._links[np.isfinite(self.end.values)].reshape(-1, 3)
+        return ArmDrawing(entity="arm", workcell=self.scene.workcell, nodes=np.concatenate([nodes, self._arrow_ends]))
+
+    @cached_property
+    def _charts(self) -> list[DrawnChart]:
+        """The maxima over the directions, then what joints and motors do in each."""
+        end, cell, names = self.end, self.scene.workcell, self.scene.workcell.arm.joint_names
+        label = f"highest {self.scene.word} [{self.scene.unit}]"
+        charts = [self._chart("maximum", label, end.values[None], [self.scene.word])]
+        ends = np.array([1.0, float(max(len(end), 2))])
+        limits = [
+            LimitLine(instants=ends, values=each.values[[0, -1]], name=each.name, colours=each.colours)
+            for each in limit_lines(cell, "position", 1.0)
+        ]
+        charts.append(self._chart("position", self._joint_label("position"), end.q.T, names, limits))
+        speed = self.scene.quantity == "velocity"
+        if speed:
+            charts.append(self._chart("velocity", self._joint_label("velocity"), end.dq.T, names, self._capability))
+        of_torque = [] if speed else self._capability
+        charts.append(self._chart("torque", self._joint_label("torque"), end.torque.T, names, of_torque))
+        if end.sliders is not None:
+            places = [f"{side} {name}" for side in ("front", "back") for name in names]
+            flat = end.sliders.reshape(len(end), -1).T
+            charts.append(self._chart("sliders", "slider position [m]", flat, places))
+            charts.append(self._chart("motor_speeds", "motor speed [m/s]", _motors(end.motor_speeds), places))
+            charts.append(self._chart("motor_efforts", "motor force [N]", _motors(end.motor_efforts), places))
+        return [charts[0], *fit_drawn_charts(charts[1:])]
+
+    @property
+    def _capability(self) -> list[LimitLine]:
+        """What the motors let each joint do, over the directions."""
+        numbers = np.arange(1.0, len(self.end) + 1)
+        return [
+            LimitLine(instants=numbers, values=values[:, joint], name=name, colours=[SCREEN.joint(joint)])
+            for joint, name in enumerate(self.scene.workcell.arm.joint_names)
+            for values in (self.end.lower, self.end.upper)
+        ]
+
+    def _joint_label(self, kind: str) -> str:
+        return f"joint {kind} [{joint_units(self.scene.workcell.arm, JOINT_UNITS[kind])}]"
+
+    def _chart(
+        self, name: str, label: str, curves: np.ndarray, names: Sequence[str], limits: Sequence[LimitLine] = ()
+    ) -> DrawnChart:
+        numbers = np.arange(1.0, len(self.end) + 1)
+        chart = Chart(
+            entity=f"charts/{name}",
+            dots=True,
+            title=label,
+            labels=("direction", label),
+            shown=np.stack([np.tile(numbers, len(curves)), curves.ravel()], axis=1),
+            names=names,
+            colours=[SCREEN.joint(number) for number in range(len(names))],
+            limits=limits,
+        )
+        return chart, numbers, curves
+
+    @cached_property
+    def _layout(self) -> Layout:
+        charts = [chart.view() for chart, _, _ in self._charts]
+        notes: list[rrb.View] = [note_view()] if self.note else []
+        return Layout(
+            legend=Legend(entity="legend", entries=maxima_entries(self.scene.workcell, self.scene.word)),
+            front=self._panel.view(),
+            charts=charts[:1],
+            arm=self._drawing.view("arm in the posture of the maximum"),
+            joints=charts[1:],
+            texts=[text_view("direction"), *notes],
+            timeline="direction",
+            name="directional maxima",
+            frames=DRAWING.slow_frames,
+        )
+
+
+def _motors(values: np.ndarray) -> np.ndarray:
+    """Return what motors do (directions, motors, dof) as curves (motors · dof, directions)."""
+    return np.asarray(values.reshape(len(values), -1).T)

@@ -1,0 +1,365 @@
+"""How motions are drawn in a recording: arms along their path, and what their joints do over time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+from jaxtyping import Float
+
+from paretoik.arrays import Times, Values
+from paretoik.review.drawing.arm import ArmDrawing
+from paretoik.review.drawing.axes import entity_names, screen_text
+from paretoik.review.drawing.charts import Chart, LimitLine, fit_below_tabs
+from paretoik.review.palette import DRAWING, SCREEN, even_rows, has_masses, is_sliding, joint_units
+from paretoik.review.recording.messages import RecordedMotion, RecordedPoint, Workcell, joint_curves
+from paretoik.robot.kinematics import joint_scales, link_nodes
+from paretoik.task.limits import JOINT_UNITS, usual_ranges
+
+# Charts of what joints do along a motion, with their limits drawn in.
+
+
+CurvedMotion = tuple[np.ndarray, Mapping[str, np.ndarray]]  # times (time,), and (time, dof) by kind
+ALWAYS = ("position", "velocity", "torque")
+OF_MASSES = ("torque", "power")
+
+
+def joint_charts(root: str, cell: Workcell, motions: Sequence[CurvedMotion]) -> dict[str, Chart]:
+    """Return a chart a kind of quantity at entities below ``root``, wide enough for all ``motions``, times with curves.
+
+    Accelerations and powers are drawn where they are limited, of arms without masses neither torques nor powers.
+    """
+    charts = {}
+    sliding = is_sliding(cell.arm)
+    for kind, units in JOINT_UNITS.items():
+        if not motions or (kind not in ALWAYS and kind not in cell.bounds):
+            continue
+        if kind in OF_MASSES and not has_masses(cell.arm):
+            continue
+        end = max(float(time[-1]) for time, _ in motions)
+        duration = max(float(np.ptp(time)) for time, _ in motions) or 1.0
+        title = {"torque": "joint torque" if not sliding.all() else "joint force"}.get(kind, f"joint {kind}")
+        charts[kind] = Chart(
+            entity=f"{root}/{kind}",
+            title=title,
+            labels=("time [s]", f"{title} [{joint_units(cell.arm, units)}]"),
+            shown=np.concatenate([_points(time, curves[kind]) for time, curves in motions]),
+            names=cell.arm.joint_names,
+            colours=[SCREEN.joint(number) for number in range(cell.arm.dof)],
+            limits=limit_lines(cell, kind, end),
+            usual=float(usual_ranges(kind, cell.arm, duration).max()),
+        )
+    return dict(zip(charts, fit_below_tabs(list(charts.values())), strict=True))
+
+
+def posture_chart(
+    cell: Workcell, values: Values, postures: Float[np.ndarray, "points dof"], label: str
+) -> tuple[Chart, np.ndarray, np.ndarray]:
+    """Return the joint positions of postures (points, dof) over values of an objective, as a chart and its curves."""
+    chart = Chart(
+        entity="postures",
+        dots=True,
+        title="joint position over the front",
+        labels=(label, f"joint position [{joint_units(cell.arm, JOINT_UNITS['position'])}]"),
+        shown=np.stack([np.repeat(values, postures.shape[1]), postures.ravel()], axis=1),
+        names=cell.arm.joint_names,
+        colours=[SCREEN.joint(number) for number in range(cell.arm.dof)],
+        limits=[
+            replace(limit, instants=np.array([values.min(), values.max()]))
+            for limit in limit_lines(cell, "position", 1.0)
+        ],
+        usual=float(joint_scales(cell.arm).max()),
+    )
+    return chart, values, postures.T
+
+
+def limit_lines(cell: Workcell, kind: str, end: float) -> list[LimitLine]:
+    """Return the limits of a kind up to the time ``end`` [s], each once: one that joints share has all their colours.
+
+    What every joint has is drawn in one colour.
+    """
+    if kind not in cell.bounds:
+        return []
+    bounds = cell.bounds[kind]
+    instants = np.array([0.0, end]) if len(bounds) == 1 else cell.times
+    bounds = np.broadcast_to(bounds, (max(len(bounds), 2), *bounds.shape[1:])) if len(bounds) == 1 else bounds
+    return [
+        LimitLine(
+            instants=instants,
+            values=values,
+            name="" if len(joints) == cell.arm.dof else ", ".join(cell.arm.joint_names[number] for number in joints),
+            colours=[SCREEN.limit] if len(joints) == cell.arm.dof else [SCREEN.joint(number) for number in joints],
+        )
+        for side in (0, 1)
+        for values, joints in _shared(bounds[:, :, side])
+    ]
+
+
+def _shared(limits: Float[np.ndarray, "time dof"]) -> list[tuple[Times, list[int]]]:
+    """Return the different finite limits among those of joints, each with the numbers of its joints."""
+    joints: dict[bytes, list[int]] = {}
+    for number, values in enumerate(limits.T):
+        if np.isfinite(values).any():
+            joints.setdefault((values + 0.0).tobytes(), []).append(number)
+    return [(limits[:, numbers[0]].copy(), numbers) for numbers in joints.values()]
+
+
+def _points(time: Times, values: Float[np.ndarray, "time dof"]) -> np.ndarray:
+    return np.stack([np.repeat(time, values.shape[1]), values.ravel()], axis=1)
+
+
+# The timeline ``replay``: one generation after the other, and in those that have motions the arm moves.
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReplayOptions:
+    """How long [s] a generation lasts that moves, and one that does not; how many move at most, and samples of each."""
+
+    moving: float = 1.0
+    standing: float = 0.1
+    generations: int = 60
+    samples: int = 41
+
+
+OPTIONS = ReplayOptions()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ReplayClock:
+    """When each of some generations begins [s], which of them move, and when all are over."""
+
+    begins: Times
+    moving: frozenset[int]
+    end: float
+
+    @staticmethod
+    def of(generations: Sequence[Sequence[RecordedPoint]]) -> ReplayClock:
+        """Return the clock of the points of generations: those that move are spread evenly over those with motions."""
+        able = [i for i, points in enumerate(generations) if is_moving(points)]
+        moving = frozenset(able[i] for i in even_rows(len(able), OPTIONS.generations))
+        lengths = [OPTIONS.moving if i in moving else OPTIONS.standing for i in range(len(generations))]
+        ends = np.cumsum([0.0, *lengths])
+        return ReplayClock(begins=ends[:-1], moving=moving, end=float(ends[-1]))
+
+
+def replay_times(point: RecordedPoint, points: Sequence[RecordedPoint], begin: float) -> tuple[np.ndarray, Times]:
+    """Return rows of a point's motion and when the arm is there, so that the longest of ``points`` takes its slot."""
+    motion = point.motion
+    assert motion is not None
+    longest = max(float(each.motion.time[-1] - each.motion.time[0]) for each in points if each.motion is not None)
+    rows = even_rows(len(motion.time), OPTIONS.samples)
+    share = (motion.time[rows] - motion.time[0]) / max(longest, 1e-12)
+    return rows, begin + 0.9 * OPTIONS.moving * share
+
+
+def is_moving(points: Sequence[RecordedPoint]) -> bool:
+    """Say whether points have motions in which an arm does not stand still."""
+    return any(point.motion is not None and not point.motion.is_standing for point in points)
+
+
+def has_motions(points: Sequence[RecordedPoint]) -> bool:
+    """Say whether points have motions."""
+    return any(point.motion is not None for point in points)
+
+
+CHOSEN = "chosen"
+NO_TIMES = np.zeros(0)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MotionScene:
+    """Motions of a workcell's arm, of the best points of the objectives called ``names`` and of a chosen one.
+
+    Axes hold all motions of ``points``, at least one of the chosen. Everything is drawn at entities that begin with
+    ``root``; those of other points than the chosen have a ``prefix`` and a name.
+    """
+
+    workcell: Workcell
+    names: tuple[str, ...]
+    points: Sequence[RecordedPoint]
+    title: str = "arm"
+    root: str = ""
+    prefix: str = "best "
+
+    def view(self) -> rrb.View:
+        """Return the view of the arm."""
+        return self.drawing.view(self.title)
+
+    @cached_property
+    def charts(self) -> dict[str, Chart]:
+        """The charts of joints by kind of quantity."""
+        motions = [point.motion for point in self.points if point.motion is not None and point.axis is None]
+        curves = [(motion.time, self._curves(motion)) for motion in motions]
+        return joint_charts(f"{self.root}joint_charts", self.workcell, curves)
+
+    def log(self, recording: rr.RecordingStream) -> None:
+        """Draw what does not move: the workcell and the axes of charts."""
+        self.drawing.log_workcell(recording)
+        for chart in self.charts.values():
+            chart.log(recording)
+
+    def log_whole(
+        self, recording: rr.RecordingStream, points: Sequence[RecordedPoint], *, row: int | None = None
+    ) -> None:
+        """Draw motions of points as wholes at the current time: paths, and of the chosen one ghosts and curves.
+
+        Their arms stand at a ``row`` of their samples, by default at half the time.
+        """
+        for point in points:
+            if point.motion is None:
+                continue
+            links, drawing, layer = (
+                self._links(point.motion.q),
+                self.drawing,
+                f"{self.drawing.entity}/{self.layer(point)}",
+            )
+            chosen = point.axis is None
+            if not point.motion.is_standing and (chosen or not self.workcell.paths):  # what follows one has the same
+                colour, width = (SCREEN.path, 1.4) if chosen else (SCREEN.end(point.axis or 0), 1.0)
+                recording.log(f"{layer}/path", drawing.strips([links[:, -1]], colour, width, 1.0))
+            if chosen:
+                ghosts = drawing.strips(list(links[even_rows(len(links), SCREEN.ghosts)]), SCREEN.ghost, 1.0, 0.0)
+                recording.log(f"{layer}/ghosts", ghosts)
+                curves = self._curves(point.motion)
+                for kind, chart in self.charts.items():
+                    chart.draw(recording, point.motion.time, curves[kind].T)
+            self._log_posture(recording, point, len(links) // 2 if row is None else row)
+
+    def log_predicted(self, recording: rr.RecordingStream, motion: RecordedMotion | None) -> None:
+        """Draw postures of a motion that is predicted, for all times, and the path of what follows none.
+
+        Nothing where there is no motion.
+        """
+        links = np.zeros((0, 2, 3)) if motion is None else self._links(motion.q)
+        ghosts = list(links[even_rows(len(links), SCREEN.ghosts)]) if len(links) else []
+        path = [links[:, -1]] if len(links) > 1 and not self.workcell.paths else []
+        entity, drawing = f"{self.drawing.entity}/predicted", self.drawing
+        recording.log(f"{entity}/ghosts", drawing.strips(ghosts, SCREEN.predicted, 1.4, 1.5), static=True)
+        recording.log(f"{entity}/path", drawing.strips(path, SCREEN.predicted, 1.8, 1.6), static=True)
+
+    def log_postures(self, recording: rr.RecordingStream, postures: Float[np.ndarray, "postures dof"]) -> None:
+        """Draw postures as ghosts, for all times."""
+        rows = even_rows(len(postures), SCREEN.ghosts)
+        ghosts = self.drawing.strips(list(self._links(postures[rows])), SCREEN.ghost, 1.0, 0.0)
+        recording.log(f"{self.drawing.entity}/postures", ghosts, static=True)
+
+    def send(
+        self,
+        recording: rr.RecordingStream,
+        point: RecordedPoint,
+        columns: Sequence[rr.TimeColumn],
+        rows: np.ndarray | None = None,
+    ) -> None:
+        """Let the arm of a point move: a row of ``columns`` a sample of its motion, or of its ``rows``."""
+        motion = point.motion
+        if motion is None:
+            return
+        rows = np.arange(len(motion.time)) if rows is None else rows
+        self.send_postures(recording, self.layer(point), columns, motion.q[rows], point.axis)
+        if point.axis is None:
+            for chart in self.charts.values():
+                chart.send_cursor(recording, columns, motion.time[rows])
+
+    def send_motion(
+        self,
+        recording: rr.RecordingStream,
+        point: RecordedPoint,
+        times: Float[np.ndarray, " instants"] = NO_TIMES,
+        *,
+        charts: Sequence[Chart] = (),
+    ) -> None:
+        """Let the arm of a point move on the timeline ``motion``, between its samples too, and at ``times`` [s].
+
+        Between samples joints move evenly. What joints of the chosen point do is logged at the samples; cursors of
+        further ``charts`` move with it.
+        """
+        motion = point.motion
+        if motion is None or motion.is_standing:
+            return
+        samples = motion.time - motion.time[0]
+        times = np.union1d(motion_frames(samples), times)
+        columns = [rr.TimeColumn("motion", duration=times)]
+        q = np.stack([np.interp(times, samples, each) for each in motion.q.T], axis=1)
+        self.send_postures(recording, self.layer(point), columns, q, point.axis)
+        if point.axis is None:
+            for chart in (*self.charts.values(), *charts):
+                chart.send_cursor(recording, columns, motion.time[0] + np.minimum(times, samples[-1]))
+            self.send_series(recording, point, [rr.TimeColumn("motion", duration=samples)])
+
+    def send_series(
+        self, recording: rr.RecordingStream, point: RecordedPoint, columns: Sequence[rr.TimeColumn]
+    ) -> None:
+        """Keep what the joints of a point do exactly, a row of ``columns`` a sample."""
+        if point.motion is None:
+            return
+        for kind, values in self._curves(point.motion).items():
+            style = rr.SeriesLines(names=[screen_text(name) for name in self.workcell.arm.joint_names])
+            recording.log(f"{self.root}joints/{kind}", style, static=True)
+            scalars = rr.Scalars.columns(scalars=values.ravel()).partition([values.shape[1]] * len(values))
+            recording.send_columns(f"{self.root}joints/{kind}", columns, scalars)
+
+    def send_postures(
+        self,
+        recording: rr.RecordingStream,
+        layer: str,
+        columns: Sequence[rr.TimeColumn],
+        q: Float[np.ndarray, "rows dof"],
+        axis: int | None,
+    ) -> None:
+        """Let the arm of a layer stand in postures, a row of ``columns`` each; the chosen one, without axis, solid."""
+        self.drawing.send_arms(recording, layer, columns, self._links(q), axis)
+        if axis is None and self.drawing.meshes is not None:
+            self.drawing.meshes.send(recording, columns, q)
+
+    def layer(self, point: RecordedPoint) -> str:
+        """Return the part of entity paths that a point's arm has."""
+        return CHOSEN if point.axis is None else self.prefix + entity_names(self.names)[point.axis]
+
+    @cached_property
+    def drawing(self) -> ArmDrawing:
+        """Where arms are drawn."""
+        motions = [point.motion for point in self.points if point.motion is not None]
+        picked = [motion.q[even_rows(len(motion.q), SCREEN.ghosts)] for motion in motions]
+        nodes = self._links(np.concatenate(picked)).reshape(-1, 3)
+        return ArmDrawing(entity=f"{self.root}arm", workcell=self.workcell, nodes=nodes)
+
+    def _log_posture(self, recording: rr.RecordingStream, point: RecordedPoint, row: int) -> None:
+        """Let the arm of a point stand at a sample of its motion, at the current time."""
+        motion = point.motion
+        assert motion is not None
+        self.drawing.log_arm(recording, self.layer(point), self._links(motion.q[row : row + 1])[0], point.axis)
+        if point.axis is None:
+            for chart in self.charts.values():
+                chart.log_cursor(recording, float(motion.time[row]))
+            if self.drawing.meshes is not None:
+                self.drawing.meshes.log_posture(recording, motion.q[row])
+
+    def _curves(self, motion: RecordedMotion) -> Mapping[str, np.ndarray]:
+        """Return the joint quantities of a motion."""
+        if id(motion) not in self._known_curves:
+            self._known_curves[id(motion)] = joint_curves(self.workcell, motion)
+        return self._known_curves[id(motion)]
+
+    @cached_property
+    def _known_curves(self) -> dict[int, Mapping[str, np.ndarray]]:
+        """Joint quantities by the identity of motions, which ``points`` keep alive."""
+        return {}
+
+    def _links(self, q: Float[np.ndarray, "rows dof"]) -> Float[np.ndarray, "rows nodes 3"]:
+        return np.asarray(link_nodes(self.workcell.arm, q))
+
+
+def motion_frames(samples: Times) -> Float[np.ndarray, " frames"]:
+    """Return the times of samples [s], and so many between them that an arm is nowhere seen to lag behind.
+
+    >>> motion_frames(np.array([0.0, 1.0]))[[0, 25, -1]].tolist()
+    [0.0, 0.25, 1.0]
+    """
+    longest = np.ptp(samples) / DRAWING.motion_frames
+    parts = np.ceil(np.diff(samples) / longest - 1e-6).astype(int)
+    within = [number + np.arange(1, count + 1) / count for number, count in enumerate(parts)]
+    return np.asarray(np.interp(np.concatenate([[0.0], *within]), np.arange(len(samples)), samples))

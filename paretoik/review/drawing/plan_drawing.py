@@ -1,0 +1,428 @@
+"""The recording of a plan: its levels with their starts, and at the end its optima and their motions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from paretoik.review.drawing.axes import screen_text
+from paretoik.review.drawing.charts import Chart
+from paretoik.review.drawing.layout import TEXT_ENTITY as TEXT
+from paretoik.review.drawing.layout import Layout, Legend, note_view, text_view
+from paretoik.review.drawing.motion import MotionScene, ReplayClock, replay_times
+from paretoik.review.drawing.plan_panel import PlanPanel
+from paretoik.review.drawing.point_text import broken_lines, infeasible_text
+from paretoik.review.drawing.search_charts import DrawnChart, plan_entries
+from paretoik.review.palette import DRAWING, SCREEN, even_rows, screen_label
+from paretoik.review.recording.messages import (
+    PlanEnd,
+    PlannedLevel,
+    PlannedOptimum,
+    PlannedScene,
+    RecordedMotion,
+    RecordedPoint,
+)
+from paretoik.review.words import counted, run_text
+from paretoik.task.limits import JOINT_UNITS
+
+# What is said of a plan beside its pictures, in Markdown.
+
+
+def level_text(panel: PlanPanel, level: PlannedLevel) -> str:
+    """Return what is to be known of a level."""
+    scene, motions = panel.scene, level.motions
+    lines = [f"# Level {level.number}: {level.samples} samples", _level_counts(level)]
+    if beyond := panel.beyond(level):
+        lines.append(f"{counted(beyond, 'start')} too far off for the picture: dashes at its edge.")
+    if len(panel.levels) > 1:
+        lines.append("Values of different levels are not comparable: a motion of other samples has another value.")
+    if level.least_violating is not None:
+        lines += ["", "What the least-violating one breaks:", "", *broken_lines(level.least_violating)]
+        return screen_text("\n".join(lines))
+    lines += ["", "## Optima of the level", ""]
+    for place, value in enumerate(level.optima[: DRAWING.optima]):
+        hits = int((motions.optimum == place).sum())
+        lines.append(f"- {place}: {_value(scene, value)}, from {counted(hits, 'start')}")
+    lines += _further(len(level.optima))
+    return screen_text("\n".join(lines))
+
+
+def _level_counts(level: PlannedLevel) -> str:
+    """Return what the starts of a level led to, by numbers."""
+    starts, failed = counted(len(level.starts), "start"), int((~np.isfinite(level.ends)).sum())
+    if level.least_violating is not None:
+        return f"{starts}; none led to a motion that keeps all limits. The arm shows the least-violating one."
+    words = f"{starts}, {counted(len(level.optima), 'distinct optimum', 'distinct optima')}"
+    return f"{words}; {failed} of the starts led to none." if failed else f"{words}."
+
+
+def start_text(scene: PlannedScene, level: PlannedLevel, row: int) -> str:
+    """Return what is to be known of the start of a level at a row."""
+    optimum = int(level.motions.optimum[row])
+    lines = [
+        f"# Start {row + 1} of the {len(level.starts)} of level {level.number}, {level.samples} samples",
+        f"- begins with {_value(scene, level.starts[row])}",
+    ]
+    if np.isfinite(level.ends[row]):
+        lines.append(f"- leads to {_value(scene, level.ends[row])}")
+    if optimum >= 0:
+        lines.append(f"- that is optimum {optimum} of the level's {len(level.optima)}")
+    elif np.isfinite(level.ends[row]):
+        lines.append("- an optimum that was not kept: there are too many, or perturbed ones lie near")
+    else:
+        lines.append("- leads to no optimum: the arm shows where its solver stopped")
+    return screen_text("\n".join(lines))
+
+
+def optimum_text(scene: PlannedScene, optima: Sequence[PlannedOptimum], place: int, count: int) -> str:
+    """Return what is to be known of a final optimum, of ``count`` in all."""
+    optimum, best = optima[place], optima[0]
+    value, least = float(optimum.point.objectives[0]), float(best.point.objectives[0])
+    lines = [
+        f"# Optimum {place} ({place + 1} of {count})" + (", the best" if place == 0 else ""),
+        f"- **{scene.name}**{', more is better' if scene.maximised else ''}: {_value(scene, value)}"
+        + (f", {100 * abs(value - least) / max(abs(least), 1e-300):.3g}% worse than the best" if place else ""),
+        f"- branch {_branch(optimum)}: how each inner joint is bent, `~` before one that passes through straight"
+        if optimum.branch
+        else "",
+        f"- {optimum.status} (local)",
+        f"- violation {optimum.violation_between:.2g} of a limit's range on a finer grid"
+        if np.isfinite(optimum.violation_between)
+        else "- leaves its path between the samples",
+        f"- as good and of the same branch: {twin}" if (twin := _twin_words(scene, optima, place)) else "",
+    ]
+    return screen_text("\n".join(line for line in lines if line))
+
+
+def plan_end_text(scene: PlannedScene, end: PlanEnd, first: int, starts: int) -> str:
+    """Return what is to be known of a plan whose ``first`` level had so many starts, and all together ``starts``."""
+    lines = [optimum_text(scene, end.optima, 0, len(end.optima)), "", "## Optima", ""]
+    lines += [
+        ", ".join(
+            filter(
+                None,
+                (
+                    f"- {place}: {_value(scene, each.point.objectives[0])}",
+                    _branch(each) if each.branch else "",
+                    _twin_words(scene, end.optima, place),
+                ),
+            )
+        )
+        for place, each in enumerate(end.optima[: DRAWING.optima])
+    ]
+    lines += [*_further(len(end.optima)), "", _start_counts(first, starts)]
+    return screen_text("\n".join([*lines, "", run_text(end.provenance)]))
+
+
+def _twin_words(scene: PlannedScene, optima: Sequence[PlannedOptimum], place: int) -> str:
+    """Return in what an optimum differs from the first before it whose value and branch read the same; "" of none.
+
+    That is the largest difference of a joint at a sample, with its sign.
+    """
+    words = [(_value(scene, each.point.objectives[0]), each.branch) for each in optima[: place + 1]]
+    twin = words.index(words[place])
+    motion, reference = optima[place].point.motion, optima[twin].point.motion
+    if twin == place or motion is None or reference is None:
+        return ""
+    difference = motion.q - reference.q
+    row, joint = np.unravel_index(int(np.abs(difference).argmax()), difference.shape)
+    arm = scene.workcell.arm
+    unit = JOINT_UNITS["position"][arm.joint_types[joint] == "prismatic"]
+    return (
+        f"{arm.joint_names[joint]} {difference[row, joint]:+.3g} {unit} from optimum {twin} at {motion.time[row]:.3g} s"
+    )
+
+
+def _start_counts(first: int, starts: int) -> str:
+    words = f"The first level had {counted(first, 'start')}"
+    return f"{words}; those after it begin from its optima, {starts - first} in all." if starts > first else f"{words}."
+
+
+def _branch(optimum: PlannedOptimum) -> str:
+    return f"`{optimum.branch}`"  # as it is: Markdown strikes out what stands between tildes
+
+
+def _further(count: int) -> list[str]:
+    return [f"- and {count - DRAWING.optima} more"] if count > DRAWING.optima else []
+
+
+def _value(scene: PlannedScene, value: float) -> str:
+    return f"{value:.5g} {scene.unit}".rstrip()
+
+
+START = "start"  # layer of a start's arm
+DISTINCT = "distinct optima of the level so far"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FinishedPlan:
+    """The levels of a plan and its ``end``, None where it has none yet.
+
+    Timelines: ``level``, the last of which are the optima; ``start``, on which one start comes after the other with
+    what it led to; ``optimum``, along the optima if there are several; ``motion``, along which the best moves;
+    ``replay``, on which the best of each level moves in turn. ``note`` says what was left out.
+    """
+
+    scene: PlannedScene
+    messages: Sequence[PlannedLevel]
+    end: PlanEnd | None
+    note: str = ""
+
+    def log(self, stream: rr.RecordingStream) -> None:
+        """Draw everything."""
+        self._layout.legend.log(stream)
+        self._panel.log(stream)
+        if self._motions is not None:
+            self._motions.log(stream)
+        for chart, instants, curves in self._charts:
+            chart.log(stream)
+            chart.draw(stream, instants, curves, static=True)
+        if self._note:
+            stream.log("notes/left_out", rr.TextDocument(self._note), static=True)
+        for place, level in enumerate(self.messages):
+            stream.reset_time()
+            stream.set_time("level", sequence=level.number)
+            stream.set_time("replay", duration=float(self._clock.begins[place]))
+            if self.end is None and place == len(self.messages) - 1:
+                self._at_the_end(stream)
+            self._log_level(stream, place, level)
+        if self.end is not None:
+            self._log_end(stream, self.end)
+        if self._motions is not None:
+            self._send_motions(stream, self._motions)
+            self._log_starts(stream, self._motions)
+            self._log_optima(stream, self._motions)
+        stream.reset_time()
+        stream.send_blueprint(self._layout.blueprint())
+
+    def _log_level(self, stream: rr.RecordingStream, place: int, level: PlannedLevel) -> None:
+        self._panel.log_until(stream, self._lasts[place])
+        self._log_text(stream, level_text(self._panel, level))
+        numbers: dict[str, Any] = {
+            "starts": level.starts,
+            "ends": level.ends,
+            "optima": level.optima,
+            "samples": level.samples,
+        }
+        stream.log("search/level", rr.AnyValues(**numbers))
+        for chart, _, _ in self._charts:
+            chart.log_cursor(stream, float(place))
+        if self._motions is not None:
+            self._motions.log_whole(stream, self._bests[place])
+
+    def _log_end(self, stream: rr.RecordingStream, end: PlanEnd) -> None:
+        """Draw the optima, which stand at the end of all timelines."""
+        stream.reset_time()
+        stream.set_time("level", sequence=self._last_number)
+        self._at_the_end(stream)
+        count = len(self._panel.starts)
+        self._panel.log_until(stream, count, ended=True)
+        self._log_text(stream, self._end_text(end, count))
+        if end.optima:
+            stream.log(
+                "search/optima", rr.AnyValues(objective=[float(each.point.objectives[0]) for each in end.optima])
+            )
+        for chart, _, _ in self._charts:
+            chart.log_cursor(stream, float(len(self.messages) - 1))
+        if self._motions is not None:
+            self._motions.log_whole(stream, self._best)
+
+    def _end_text(self, end: PlanEnd, starts: int) -> str:
+        """Return what is to be known of the end: its optima, or why there is none."""
+        nearest, scene = end.least_violating, self.scene
+        if nearest is None:
+            return plan_end_text(scene, end, self._lasts[0] if self._lasts else 0, starts)
+        return infeasible_text((scene.name,), (scene.unit,), nearest, scene.workcell, "No feasible motion")
+
+    def _at_the_end(self, stream: rr.RecordingStream) -> None:
+        """Let what follows stand at the end of ``replay``, and on ``motion`` and ``optimum``."""
+        stream.set_time("replay", duration=self._clock.end)
+        stream.set_time("motion", duration=0.0)
+        if self._count > 1:
+            stream.set_time("optimum", sequence=0)
+
+    def _send_motions(self, stream: rr.RecordingStream, motions: MotionScene) -> None:
+        """Let the best arm move: on ``motion`` that of the end, on ``replay`` that of every level in turn."""
+        stream.reset_time()
+        for point in self._best:
+            motions.send_motion(stream, point)
+        slots = [(float(self._clock.begins[place]), points) for place, points in enumerate(self._bests)]
+        for begin, points in [*slots, (self._clock.end, self._best)]:
+            for point in points:
+                rows, times = replay_times(point, points, begin)
+                motions.send(stream, point, [rr.TimeColumn("replay", duration=times)], rows)
+
+    def _log_starts(self, stream: rr.RecordingStream, motions: MotionScene) -> None:
+        """Show one start after the other: its motion, and beside it what it led to."""
+        for number, level, row, points in self._walk:
+            stream.reset_time()
+            stream.set_time("start", sequence=number)
+            self._panel.log_until(stream, number, looked_at=number)
+            self._panel.log_start(stream, number)
+            self._log_text(stream, start_text(self.scene, level, row))
+            for chart, _, _ in self._charts:
+                chart.log_cursor(stream, float(self._instants[number - 1]))
+            motions.log_whole(stream, points)
+
+    def _log_optima(self, stream: rr.RecordingStream, motions: MotionScene) -> None:
+        """Walk along the optima."""
+        optima = () if self.end is None or self._count < 2 else self.end.optima[: DRAWING.walk]
+        for place, optimum in enumerate(optima):
+            stream.reset_time()
+            stream.set_time("optimum", sequence=place)
+            self._panel.log_optimum(stream, place)
+            if place:  # at the first all of them are told
+                self._log_text(stream, optimum_text(self.scene, optima, place, self._count))
+            motions.log_whole(stream, [optimum.point])
+
+    def _log_text(self, stream: rr.RecordingStream, words: str) -> None:
+        stream.log(TEXT, rr.TextDocument(words, media_type="text/markdown"))
+
+    @cached_property
+    def _panel(self) -> PlanPanel:
+        optima = () if self.end is None else self.end.optima
+        return PlanPanel(scene=self.scene, levels=self.messages, optima=optima)
+
+    @cached_property
+    def _lasts(self) -> list[int]:
+        """The number of each level's last start."""
+        return [int(last) for last in np.cumsum([len(level.starts) for level in self.messages])]
+
+    @property
+    def _last_number(self) -> int:
+        return self.messages[-1].number + 1 if self.messages else 0
+
+    @cached_property
+    def _bests(self) -> list[tuple[RecordedPoint, ...]]:
+        """The best optimum of each level as a point, none where it has none."""
+        return [
+            tuple(_point(0, level.optima[0], level.motions.time, q) for q in level.motions.optima[:1])
+            for level in self.messages
+        ]
+
+    @property
+    def _best(self) -> tuple[RecordedPoint, ...]:
+        """The best optimum of the plan, the least-violating motion where it has none, or the best of its last level."""
+        nearest = None if self.end is None else self.end.least_violating
+        if self.end is not None and self.end.optima:
+            return (self.end.optima[0].point,)
+        if nearest is not None and nearest.point is not None:
+            return (nearest.point,)
+        return self._bests[-1] if self._bests else ()
+
+    @cached_property
+    def _walk(self) -> list[tuple[int, PlannedLevel, int, tuple[RecordedPoint, RecordedPoint]]]:
+        """Number, level and row of the starts that are shown one by one, each with what it led to as points."""
+        rows = [(level, row) for level in self.messages for row in range(len(level.starts))]
+        picked = even_rows(len(rows), DRAWING.starts).tolist()
+        return [(place + 1, *rows[place], _start_and_end(*rows[place])) for place in picked]
+
+    @property
+    def _count(self) -> int:
+        return 0 if self.end is None else len(self.end.optima)
+
+    @property
+    def _note(self) -> str:
+        left_out = len(self._panel.starts) - len(self._walk)
+        words = f"Of {len(self._panel.starts)} starts {len(self._walk)} are shown one by one." if left_out else ""
+        return " ".join(filter(None, (self.note, words)))
+
+    @cached_property
+    def _clock(self) -> ReplayClock:
+        return ReplayClock.of(self._bests)
+
+    @cached_property
+    def _motions(self) -> MotionScene | None:
+        """The arms; None where there is no motion yet."""
+        optima = () if self.end is None else [each.point for each in self.end.optima[: DRAWING.walk]]
+        points = [*optima, *self._best, *(point for points in self._bests for point in points)]
+        if not points:
+            return None
+        others = [point for _, _, _, pair in self._walk for point in pair]
+        return MotionScene(workcell=self.scene.workcell, names=(START,), points=[*points, *others], prefix="")
+
+    @cached_property
+    def _charts(self) -> list[DrawnChart]:
+        """The best so far, and how many distinct optima there are so far, over the starts of each level."""
+        if not np.isfinite(self._panel.ends).any():
+            return []
+        label = screen_label(f"best {self.scene.name} of the level so far", self.scene.unit, self.scene.maximised)
+        best = list(self._over_starts(_best_so_far(level, self.scene.maximised) for level in self.messages))
+        distinct = list(self._over_starts(_distinct_so_far(level) for level in self.messages))
+        return [
+            self._chart("best", "best of the level so far", label, best),
+            self._chart("distinct", "distinct optima", DISTINCT, distinct),
+        ]
+
+    def _over_starts(self, curves: Iterator[np.ndarray]) -> Iterator[np.ndarray]:
+        """Yield the curve of each level over the starts of all levels, NaN at those of others."""
+        for last, curve in zip(self._lasts, curves, strict=True):
+            whole = np.full(self._lasts[-1], np.nan)
+            whole[last - len(curve) : last] = curve
+            yield whole
+
+    @property
+    def _instants(self) -> np.ndarray:
+        """Where starts stand in charts: around the number of their level."""
+        return self._panel.across - 0.5
+
+    def _chart(self, name: str, title: str, label: str, curves: Sequence[np.ndarray]) -> DrawnChart:
+        instants = self._instants
+        shown = np.stack([np.tile(instants, len(curves)), np.concatenate(curves)], axis=1)
+        edges = np.array([[-0.5, np.nanmin(shown[:, 1])], [len(self.messages) - 0.5, np.nanmin(shown[:, 1])]])
+        chart = Chart(
+            entity=f"charts/{name}",
+            title=title,
+            labels=("level", label),
+            shown=np.concatenate([shown, edges]),
+            names=[f"{level.samples} samples" for level in self.messages],
+            colours=[SCREEN.joint(level.number) for level in self.messages],
+        )
+        return chart, instants, np.stack(curves)
+
+    @cached_property
+    def _layout(self) -> Layout:
+        motions, feasible = self._motions, self.end is None or self.end.least_violating is None
+        entries = plan_entries(motions, optima=self._count, feasible=feasible)
+        notes: list[rrb.View] = [note_view()] if self._note else []
+        return Layout(
+            legend=Legend(entity="legend", entries=entries),
+            front=self._panel.view(),
+            charts=[chart.view() for chart, _, _ in self._charts],
+            arm=None if motions is None else motions.view(),
+            joints=[] if motions is None else [chart.view() for chart in motions.charts.values()],
+            texts=[text_view("level, start, optimum"), *notes],
+            timeline="level",
+            name="plan",
+            frames=DRAWING.slow_frames,
+        )
+
+
+def _point(place: int, value: float, time: np.ndarray, q: np.ndarray, axis: int | None = None) -> RecordedPoint:
+    motion = RecordedMotion(time=time, q=q)
+    return RecordedPoint(id=place, objectives=np.array([value]), axis=axis, motion=motion)
+
+
+def _start_and_end(level: PlannedLevel, row: int) -> tuple[RecordedPoint, RecordedPoint]:
+    """Return a start as a point beside the chosen one, and what it led to as that."""
+    motions = level.motions
+    start = _point(row, level.starts[row], motions.time, motions.starts[row], axis=0)
+    return start, _point(row, level.ends[row], motions.time, motions.ends[row])
+
+
+def _best_so_far(level: PlannedLevel, maximised: bool) -> np.ndarray:
+    values = np.where(np.isfinite(level.ends), level.ends, -np.inf if maximised else np.inf)
+    best = np.maximum.accumulate(values) if maximised else np.minimum.accumulate(values)
+    return np.where(np.isfinite(best), best, np.nan)
+
+
+def _distinct_so_far(level: PlannedLevel) -> np.ndarray:
+    optimum = level.motions.optimum
+    first = [number >= 0 and number not in optimum[:row] for row, number in enumerate(optimum)]
+    return np.cumsum(first).astype(float)

@@ -1,0 +1,328 @@
+"""The recording of resolved motions: arms along their path, and over time what their method did."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from paretoik.arrays import Times
+from paretoik.review.drawing.axes import screen_text
+from paretoik.review.drawing.charts import Chart, LimitLine
+from paretoik.review.drawing.layout import TEXT_ENTITY as TEXT
+from paretoik.review.drawing.layout import Layout, Legend, note_view, text_view
+from paretoik.review.drawing.motion import MotionScene
+from paretoik.review.drawing.point_text import broken_limits
+from paretoik.review.drawing.search_charts import DrawnChart, resolution_entries
+from paretoik.review.palette import DRAWING, SCREEN, VIEWS, Colour, even_rows, is_sliding, joint_units
+from paretoik.review.recording.messages import RecordedPoint, RecordedTraces, ResolutionEnd, ResolvedScene
+from paretoik.review.words import run_text
+from paretoik.robot.arm import Arm
+from paretoik.task.limits import JOINT_UNITS
+
+# What is said of a resolved motion beside its pictures, in Markdown.
+
+
+STATUSES = {
+    "done": "done, neither damped nor cut short",
+    "damped": "damped, near a singularity",
+    "shortened": "shortened: whole, it would move a joint by more than 1 rad or 1 m",
+    "held": "held: no velocities do what the task wants",
+    "limited": "limited: the task gives way to limits",
+    "missed": "missed: the step does not end on the path",
+}
+
+
+def motion_text(scene: ResolvedScene, traces: RecordedTraces, end: ResolutionEnd) -> str:
+    """Return what is to be known of a motion: its errors, the limits it breaks, its steps, and its method."""
+    worst = int(traces.error.argmax())
+    lines = [
+        f"# {scene.method}" + (f", {traces.name} ({traces.point.id + 1} of {end.count})" if end.count > 1 else ""),
+        f"- largest error {traces.error[worst]:.3g} {scene.error_unit} at {traces.time[worst]:.3g} s; "
+        f"the path counts as lost from {scene.tolerance:.3g} {scene.error_unit} on",
+        f"- greatest joint speed, all joints together: {traces.speed.max():.4g} {speed_unit(scene.workcell.arm)} at "
+        f"{traces.time[int(traces.speed.argmax()) + 1]:.3g} s",
+    ]
+    if traces.clearance is not None:
+        nearest = int(traces.clearance.argmin())
+        lines.append(f"- least clearance {traces.clearance[nearest]:.3g} m at {traces.time[nearest]:.3g} s")
+    if reason := end.provenance.get("reason"):
+        lines += ["", "## Why it ended", "", str(reason)]
+    lines += _limits(scene, traces)
+    lines += ["", "## Steps", ""]
+    steps = Counter(traces.status.tolist())
+    lines += [f"- {count} {STATUSES.get(status, status)}" for status, count in steps.most_common()]
+    lines += _method(scene, traces, end)
+    return screen_text("\n".join([*lines, "", run_text(end.provenance)]))
+
+
+def _limits(scene: ResolvedScene, traces: RecordedTraces) -> list[str]:
+    """Return which limits of joints a motion breaks, or that it keeps them; nothing where there are none."""
+    assert traces.point.motion is not None
+    if not scene.workcell.bounds:
+        return []
+    broken = broken_limits(scene.workcell, traces.point.motion)
+    return ["", "## Limits broken", "", *broken] if broken else ["", "Limits of joints are kept at all samples."]
+
+
+def speed_unit(arm: Arm) -> str:
+    """Return the unit of joint speeds, of two where an arm turns and slides."""
+    return joint_units(arm, JOINT_UNITS["velocity"])
+
+
+def damping_unit(scene: ResolvedScene) -> str:
+    """Return the unit of the damping, which is that of the Jacobian."""
+    turns = not is_sliding(scene.workcell.arm).any()
+    return "m/rad" if turns and scene.error_unit == "m" else "units of the Jacobian"
+
+
+def _method(scene: ResolvedScene, traces: RecordedTraces, end: ResolutionEnd) -> list[str]:
+    """Return the numbers of the method with their units; of one that each motion has another of, that of this one."""
+    units = {
+        "damping": damping_unit(scene),
+        "region": damping_unit(scene),
+        "repulsion": speed_unit(scene.workcell.arm),
+        "buffer": "of a joint's range",
+        "band": "of a criterion's range",
+    }
+    method = (end.provenance.get("settings") or {}).get("method") or {}
+    numbers = list[str]()
+    for name, value in method.items():
+        if name == "name" or value in (None, []):
+            continue
+        by_motion = np.ravel(value) if isinstance(value, list) and _is_numeric(value) else np.zeros(0)
+        if end.count > 1 and len(by_motion) == end.count:
+            value = float(by_motion[traces.point.id])
+        numbers.append(f"- {name.replace('_', ' ')}: {_value(value)} {units.get(name, '')}".rstrip())
+    return ["", "## Method", "", *numbers] if numbers else []
+
+
+def _is_numeric(value: list[object]) -> bool:
+    return all(_is_numeric(each) if isinstance(each, list) else isinstance(each, int | float) for each in value)
+
+
+def step_text(traces: RecordedTraces, step: int) -> str:
+    """Return what begins at a step."""
+    status = str(traces.status[step])
+    return screen_text(f"**From {traces.time[step]:.4g} s on: {STATUSES.get(status, status)}**")
+
+
+def _value(value: object) -> str:
+    """Return a setting in words; of a criterion its objective and gain."""
+    if isinstance(value, dict):
+        return ", ".join(f"{name} {_value(each)}" for name, each in value.items())
+    if isinstance(value, list):
+        return ", ".join(_value(each) for each in value[:6]) + (", …" if len(value) > 6 else "")
+    return f"{value:.5g}" if isinstance(value, float) and np.isfinite(value) else str(value)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FinishedResolution:
+    """Resolved motions: the first of them drawn solid, some of the others beside it.
+
+    Timelines: ``motion``, along which all of them move, and of several ``solution``, which walks along them. ``note``
+    says what was left out.
+    """
+
+    scene: ResolvedScene
+    messages: Sequence[object]
+    end: ResolutionEnd
+    note: str = ""
+
+    def log(self, stream: rr.RecordingStream) -> None:
+        """Draw everything."""
+        self._layout.legend.log(stream)
+        self._motions.log(stream)
+        for chart, instants, curves in self._charts:
+            chart.log(stream)
+            chart.draw(stream, instants, curves, static=True)
+        if self._note:
+            stream.log("notes/left_out", rr.TextDocument(self._note), static=True)
+        stream.set_time("motion", duration=0.0)
+        if len(self.end.motions) > 1:
+            stream.set_time("solution", sequence=0)
+        self._log_whole(stream, self.end.motions[0], self._points)
+        stream.reset_time()
+        self._send_motions(stream)
+        self._log_events(stream, self.end.motions[0])
+        for number, traces in enumerate(self.end.motions[1:], start=1):
+            stream.reset_time()
+            stream.set_time("solution", sequence=number)
+            self._log_whole(stream, traces, [traces.point])
+        stream.reset_time()
+        stream.send_blueprint(self._layout.blueprint())
+
+    def _log_whole(self, stream: rr.RecordingStream, traces: RecordedTraces, points: Sequence[RecordedPoint]) -> None:
+        """Draw a motion as the chosen one at the current time, with the words and the criteria that are its own."""
+        self._motions.log_whole(stream, points)
+        self._log_text(stream, motion_text(self.scene, traces, self.end))
+        for chart, instants, curves in self._charts_of_criteria(traces):
+            chart.log(stream)
+            chart.draw(stream, instants, curves)
+        self._log_marks(stream, traces)
+        for chart in self._all_charts:
+            chart.log_cursor(stream, float(traces.time[len(traces.time) // 2]))
+
+    def _log_marks(self, stream: rr.RecordingStream, traces: RecordedTraces) -> None:
+        """Mark on the curve of errors the samples whose step was not simply done."""
+        chart, _, _ = self._charts[0]
+        rows = np.flatnonzero(traces.status != "done") + 1
+        places = np.stack([traces.time[rows], _logarithm(traces.error)[rows]], axis=1)
+        marks = rr.Points2D(
+            chart.canvas.place(places), colors=SCREEN.event, radii=rr.Radius.ui_points(3.0), draw_order=3.0
+        )
+        stream.log(f"{chart.entity}/marks", marks)
+
+    def _send_motions(self, stream: rr.RecordingStream) -> None:
+        """Let the arms move, and cursors with them."""
+        for point in self._points:
+            self._motions.send_motion(stream, point, charts=self._all_charts)
+
+    def _log_events(self, stream: rr.RecordingStream, traces: RecordedTraces) -> None:
+        """Say, while the arm moves, what begins at a step: where its status is another than that of the one before."""
+        words = motion_text(self.scene, traces, self.end)
+        changes = np.flatnonzero(traces.status[1:] != traces.status[:-1]) + 1
+        first = [0] if traces.status[0] != "done" else []
+        for step in [*first, *changes[: DRAWING.walk]]:
+            stream.reset_time()
+            stream.set_time("motion", duration=float(traces.time[step + 1] - traces.time[0]))
+            self._log_text(stream, f"{step_text(traces, int(step))}\n\n{words}")
+
+    def _log_text(self, stream: rr.RecordingStream, words: str) -> None:
+        stream.log(TEXT, rr.TextDocument(words, media_type="text/markdown"))
+
+    @cached_property
+    def _thin_motions(self) -> list[RecordedTraces]:
+        """Motions that are drawn beside the first one, a colour each."""
+        others = list(self.end.motions[1:])
+        return [others[place] for place in even_rows(len(others), len(SCREEN.ends))]
+
+    @cached_property
+    def _points(self) -> list[RecordedPoint]:
+        """The first motion, and those beside it, as points with their colours' axes."""
+        thin = [replace(each.point, axis=axis) for axis, each in enumerate(self._thin_motions)]
+        return [self.end.motions[0].point, *thin]
+
+    @cached_property
+    def _motions(self) -> MotionScene:
+        points = [*self._points, *(each.point for each in self.end.motions[1:])]
+        names = tuple(each.name for each in self._thin_motions)
+        return MotionScene(workcell=self.scene.workcell, names=names, points=points, prefix="")
+
+    @cached_property
+    def _charts(self) -> list[DrawnChart]:
+        """Charts with a curve of each motion that is drawn: the task error first."""
+        shown, unit = [self.end.motions[0], *self._thin_motions], self.scene.error_unit
+        exponent = np.log10(max(self.scene.tolerance, DRAWING.least_error))
+        tolerance = self._limit(exponent, "tolerance" if len(shown) > 1 else "", SCREEN.limit)
+        errors = [_logarithm(each.error) for each in shown]
+        moving = [np.append(curve[1:2], curve[1:]) for curve in errors]  # at its start an arm is often exact
+        error = self._chart("error", f"log10 of the task error [{unit}]", errors, [tolerance], moving)
+        error = replace(error[0], total=VIEWS.panels), error[1], error[2]
+        speeds, damping = speed_unit(self.scene.workcell.arm), damping_unit(self.scene)
+        speed = self._chart(
+            "speed", f"commanded joint speed, all joints [{speeds}]", [_steps(each.speed) for each in shown]
+        )
+        charts = [error, speed]
+        for name, label in (
+            ("damping", f"damping [{damping}]"),
+            ("repulsion", f"joint speed away from limits [{speeds}]"),
+        ):
+            curves = [_steps(getattr(each, name)) for each in shown]
+            if any(np.nanmax(np.abs(curve), initial=0.0) > 0 for curve in curves):
+                charts.append(self._chart(name, label, curves))
+        if shown[0].clearance is not None:
+            least = self._limit(self.scene.min_clearance, "", SCREEN.limit)
+            distances = [each.clearance for each in shown if each.clearance is not None]
+            charts.append(self._chart("clearance", "clearance [m]", distances, [least]))
+        return charts
+
+    def _charts_of_criteria(self, traces: RecordedTraces) -> Iterator[DrawnChart]:
+        """Yield the chart of the speeds that each criterion adds, of one motion."""
+        if self._criteria_chart is not None:
+            curves = np.stack([_steps(curve) for curve in traces.criteria.T])
+            yield self._criteria_chart, traces.time, curves
+
+    @cached_property
+    def _criteria_chart(self) -> Chart | None:
+        names = self.scene.criteria
+        if not names:
+            return None
+        motions = self.end.motions
+        shown = [np.stack([each.time, _steps(curve)], axis=1) for each in motions for curve in each.criteria.T]
+        label = f"speed from criteria [{speed_unit(self.scene.workcell.arm)}]"
+        return Chart(
+            entity="charts/criteria",
+            title=label,
+            labels=("time [s]", label),
+            shown=np.concatenate(shown),
+            names=names,
+            colours=[SCREEN.joint(number) for number in range(len(names))],
+        )
+
+    @property
+    def _all_charts(self) -> list[Chart]:
+        criteria = [] if self._criteria_chart is None else [self._criteria_chart]
+        return [*(chart for chart, _, _ in self._charts), *criteria]
+
+    def _chart(
+        self,
+        name: str,
+        label: str,
+        curves: Sequence[np.ndarray],
+        limits: Sequence[LimitLine] = (),
+        seen: Sequence[np.ndarray] | None = None,
+    ) -> DrawnChart:
+        """Return a chart with a curve a motion, on axes that hold those or what is to be ``seen`` of them."""
+        time = self.end.motions[0].time
+        chart = Chart(
+            entity=f"charts/{name}",
+            title=label,
+            labels=("time [s]", label),
+            shown=np.concatenate([np.stack([time, curve], axis=1) for curve in (curves if seen is None else seen)]),
+            names=[each.name for each in (self.end.motions[0], *self._thin_motions)],
+            colours=[SCREEN.arm, *(SCREEN.end(axis) for axis in range(len(self._thin_motions)))],
+            limits=limits,
+        )
+        return chart, time, np.stack(curves)
+
+    def _limit(self, value: float, name: str, colour: Colour) -> LimitLine:
+        time: Times = self.end.motions[0].time
+        return LimitLine(instants=time[[0, -1]], values=np.array([value, value]), name=name, colours=[colour])
+
+    @property
+    def _note(self) -> str:
+        recorded = len(self.end.motions)
+        words = f"Of {self.end.count} motions {recorded} are shown." if recorded < self.end.count else ""
+        return " ".join(filter(None, (self.note, words)))
+
+    @cached_property
+    def _layout(self) -> Layout:
+        motions = self._motions
+        notes: list[rrb.View] = [note_view()] if self._note else []
+        names = [each.name for each in self._thin_motions]
+        return Layout(
+            legend=Legend(entity="legend", entries=resolution_entries(motions, self.end.motions[0].name, names)),
+            front=self._all_charts[0].view(),
+            charts=[chart.view() for chart in self._all_charts[1:]],
+            arm=motions.view(),
+            joints=[chart.view() for chart in motions.charts.values()],
+            texts=[text_view("method"), *notes],
+            timeline="motion",
+            name=self.scene.method,
+            frames=DRAWING.slow_frames,
+        )
+
+
+def _logarithm(errors: np.ndarray) -> np.ndarray:
+    return np.asarray(np.log10(np.maximum(np.nan_to_num(errors, nan=0.0, posinf=1e16), DRAWING.least_error)))
+
+
+def _steps(values: np.ndarray) -> np.ndarray:
+    """Return what is known of steps at samples: that of a step at its end, of the first also at its beginning."""
+    return np.concatenate([values[:1], values])

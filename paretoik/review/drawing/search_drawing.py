@@ -1,0 +1,452 @@
+"""How a search is recorded: generations as they come, and at the end all of them on common axes, with motions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+from jaxtyping import Float, Int
+
+from paretoik.arrays import Objectives
+from paretoik.front.front import Front
+from paretoik.front.indicators import HypervolumeCurve, HypervolumeOptions
+from paretoik.review.drawing.axes import Canvas, ParallelAxes
+from paretoik.review.drawing.charts import Chart
+from paretoik.review.drawing.front_panels import replay_window
+from paretoik.review.drawing.layout import TEXT_ENTITY as TEXT
+from paretoik.review.drawing.layout import WHY, Layout, Legend, text_view
+from paretoik.review.drawing.loop_drawing import FinishedLoop
+from paretoik.review.drawing.motion import (
+    CHOSEN,
+    MotionScene,
+    ReplayClock,
+    has_motions,
+    is_moving,
+    posture_chart,
+    replay_times,
+)
+from paretoik.review.drawing.point_text import (
+    better_but_infeasible,
+    choice_text,
+    infeasible_text,
+    point_text,
+    reason_text,
+    text_of,
+)
+from paretoik.review.drawing.scatter import SearchScene
+from paretoik.review.drawing.search_charts import (
+    DrawnChart,
+    FrontViews,
+    RecordedSearch,
+    log_series,
+    log_styles,
+    search_entries,
+    series_views,
+)
+from paretoik.review.palette import DRAWING, SCREEN, even_rows
+from paretoik.review.recording.messages import LeastViolating, RecordedPoint, end_points, front_point
+from paretoik.review.recording.recorder import Generation, RecorderOptions, SearchedFront, SearchEnd
+from paretoik.search.maximin import greedy_order, scaled, starting_points
+
+# The recording of a search that is over: all generations on common axes, at their end the front and its motions.
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FinishedSearch:
+    """A ``search`` that is over.
+
+    Four timelines: that of its generations or levels; ``motion``, along which the last motions move, if they do;
+    ``replay``, on which the motions of one generation come after those of the other; ``point``, which walks along the
+    last front, if it has several. What is seen at the end stands on all of them.
+    """
+
+    search: RecordedSearch
+
+    def log(self, stream: rr.RecordingStream) -> None:
+        """Draw everything."""
+        self._log_still(stream)
+        for place, generation in enumerate(self._generations):
+            stream.reset_time()
+            stream.set_time(self.search.scene.timeline, sequence=generation.number)
+            stream.set_time("replay", duration=float(self._clock.begins[place]))
+            if place == len(self._generations) - 1:
+                self._at_the_end(stream)
+            self._log_generation(stream, generation, self._moved[place])
+        if self._end.front is not None:
+            self._log_front(stream, self._end.front)
+        if self._nearest is not None:
+            self._log_nearest(stream, self._nearest)
+        stream.reset_time()
+        self._send_motions(stream)
+        if self._end.front is not None and len(self._walk) > 1:  # one point alone is seen anyway
+            self._log_walk(stream, self._end.front)
+        stream.reset_time()
+        stream.send_blueprint(self._layout.blueprint())
+
+    def _log_still(self, stream: rr.RecordingStream) -> None:
+        """Draw what does not change: axes, charts, the workcell, the last front behind all others."""
+        self._views.log(stream)
+        self._layout.legend.log(stream)
+        if self._end.front is not None:
+            final = self._end.front.objectives
+            self.search.scene.log_points(stream, "final", final, self._views.canvases, static=True)
+            if self._views.parallel is not None:
+                lines = self._views.parallel.lines(final, SCREEN.final, 0.6, 0.5)
+                stream.log(f"{self._views.parallel.entity}/final", lines, static=True)
+        if self._end.choice is not None:
+            stream.log(WHY, rr.TextDocument(reason_text(self._end.choice), media_type="text/markdown"), static=True)
+        if self._motions is not None:
+            self._motions.log(stream)
+        if self._postures is not None:
+            chart, instants, curves = self._postures
+            chart.log(stream)
+            chart.draw(stream, instants, curves, static=True)
+        if self._postures is not None and self._motions is not None:
+            self._motions.log_postures(stream, self._postures[2].T)
+
+    def _log_generation(self, stream: rr.RecordingStream, generation: Generation, moved: int | None) -> None:
+        end = "the final front" if self._nearest is None else "the last population"
+        words = text_of(self.search.scene, generation, moved, outside=self._views.outside(generation), end=end)
+        self._views.log_generation(stream, generation, words)
+        if self._motions is not None:
+            self._motions.log_whole(stream, generation.points)
+
+    @cached_property
+    def _moved(self) -> list[int | None]:
+        """The generation whose motions are shown with each: itself where it has the points of these."""
+        moved, shown = list[int | None](), None
+        for each in self._generations:
+            shown = each if has_motions(each.points) else shown
+            same = shown is not None and [point.id for point in shown.points] == [point.id for point in each.points]
+            moved.append(each.number if same else None if shown is None else shown.number)
+        return moved
+
+    def _at_the_end(self, stream: rr.RecordingStream) -> None:
+        """Let what follows stand at the end, on all timelines."""
+        last = self._generations[-1].number if self._generations else 0
+        stream.set_time(self.search.scene.timeline, sequence=last)
+        stream.set_time("replay", duration=self._clock.end)
+        if is_moving(self._end_points):
+            stream.set_time("motion", duration=0.0)
+        if len(self._walk) > 1:
+            stream.set_time("point", sequence=0)
+
+    def _log_front(self, stream: rr.RecordingStream, front: Front) -> None:
+        """Draw the last front with its choice and their motions."""
+        self._at_the_end(stream)
+        scene, points, canvases = self.search.scene, self._end_points, self._views.canvases
+        scene.log_points(stream, "front", front.objectives, canvases, ids=front.ids, named=True)
+        scene.log_marked(stream, points, canvases, avoided=self._drawn, taken=self._lines)
+        if self._views.parallel is not None:
+            chosen = None if self._end.choice is None else self._end.choice.objectives
+            scene.log_lines(stream, self._views.parallel, front.objectives, chosen)
+        if self._end.choice is not None:
+            self._log_words(stream, front, choice_text(front, self._end.choice, whole=False))
+        if self._motions is not None:
+            self._motions.log_whole(stream, points)
+        if self._postures is not None and self._end.choice is not None:
+            self._postures[0].log_cursor(stream, float(self._end.choice.objectives[0]))
+
+    def _log_words(self, stream: rr.RecordingStream, front: Front, words: str) -> None:
+        """Say what is to be known of a point, and of the individuals behind the front that look better than it."""
+        for last in self._generations[-1:]:
+            words += f"\n\n{better_but_infeasible(self.search.scene, last.population, front.objectives)}"
+        stream.log(TEXT, rr.TextDocument(words.rstrip(), media_type="text/markdown"))
+
+    def _log_nearest(self, stream: rr.RecordingStream, nearest: LeastViolating) -> None:
+        """Say what is broken where nothing is feasible, and show the motion that breaks least."""
+        self._at_the_end(stream)
+        scene, canvases = self.search.scene, self._views.canvases
+        words = infeasible_text(scene.names, scene.units, nearest, self.search.recorded.workcell, "No feasible point")
+        stream.log(TEXT, rr.TextDocument(words, media_type="text/markdown"))
+        scene.log_marked(stream, self._end_points, canvases, avoided=self._drawn, taken=self._lines)
+        if self._motions is not None:
+            self._motions.log_whole(stream, self._end_points)
+
+    def _send_motions(self, stream: rr.RecordingStream) -> None:
+        """Let arms move: on ``motion`` those of the end, on ``replay`` those of every generation that has some."""
+        if self._motions is None:
+            return
+        for point in self._end_points:
+            self._motions.send_motion(stream, point)
+        slots = [(float(self._clock.begins[i]), self._generations[i].points) for i in sorted(self._clock.moving)]
+        if is_moving(self._end_points):
+            slots.append((self._clock.end, self._end_points))
+        for begin, points in slots:
+            for point in points:
+                if point.motion is not None:
+                    rows, times = replay_times(point, points, begin)
+                    self._motions.send(stream, point, [rr.TimeColumn("replay", duration=times)], rows)
+
+    def _log_walk(self, stream: rr.RecordingStream, front: Front) -> None:
+        """Walk along the front: at every point its motion, and what is known of it."""
+        for number, point in enumerate(self._walk):
+            stream.reset_time()
+            stream.set_time("point", sequence=number)
+            self.search.scene.log_looked_at(
+                stream,
+                point,
+                self._views.canvases,
+                self._views.parallel,
+                avoided=self._drawn,
+                marked=self._end_points,
+                taken=self._lines,
+            )
+            row = int(np.flatnonzero(front.ids == point.id)[0])
+            self._log_words(stream, front, point_text(front, row, chosen=self._end.choice))
+            if self._motions is not None:
+                self._motions.log_whole(stream, [point])
+            if self._postures is not None:
+                self._postures[0].log_cursor(stream, float(point.objectives[0]))
+
+    @cached_property
+    def _walk(self) -> list[RecordedPoint]:
+        """Points along the last front, the chosen one among them."""
+        front, choice = self._end.front, self._end.choice
+        if front is None or not len(front):
+            return []
+        rows = set(even_rows(len(front), DRAWING.walk).tolist())
+        rows |= set() if choice is None else {choice.index}
+        return [front_point(front, row) for row in sorted(rows)]
+
+    @cached_property
+    def _drawn(self) -> Objectives:
+        """What is drawn of the end, and of the last generation behind it."""
+        front = [] if self._end.front is None else [self._end.front.objectives]
+        return np.concatenate([*front, *(each.population for each in self._generations[-1:])])
+
+    @cached_property
+    def _lines(self) -> Float[np.ndarray, "points 2"]:
+        """Points [pixels] on the lines of the last generation, which stand at the end."""
+        last = self._generations[-1:]
+        return self.search.scene.line_points(last[0], self._views.canvases) if last else np.zeros((0, 2))
+
+    @property
+    def _note(self) -> str:
+        walked, whole = len(self._walk), 0 if self._end.front is None else len(self._end.front)
+        words = f"Of {whole} points {walked} are on the timeline point." if walked < whole else ""
+        return " ".join(filter(None, (self.search.note, words)))
+
+    @cached_property
+    def _end_points(self) -> tuple[RecordedPoint, ...]:
+        """The points drawn for themselves at the end: of the front, the least-violating, or the last generation's."""
+        if self._end.front is not None:
+            return end_points(self._end.front, self._end.choice)
+        if self._nearest is not None:
+            return () if self._nearest.point is None else (self._nearest.point,)
+        with_motions = [each.points for each in self._generations if has_motions(each.points)]
+        return with_motions[-1] if with_motions else ()
+
+    @cached_property
+    def _shown(self) -> Objectives:
+        fronts = [each.front for each in self._generations]
+        fronts += [] if self._end.front is None else [self._end.front.objectives]
+        if fronts and len(fronts[-1]) and self.search.scene.timeline != "refinement":  # of which both are looked at
+            return replay_window(fronts)
+        shown = np.concatenate([np.empty((0, len(self.search.scene.names))), *fronts])
+        if len(shown):
+            return shown
+        return np.concatenate([shown, *(each.population for each in self._generations[-1:])])  # none is feasible
+
+    @property
+    def _generations(self) -> Sequence[Generation]:
+        return self.search.generations
+
+    @property
+    def _end(self) -> SearchEnd:
+        return self.search.end
+
+    @property
+    def _nearest(self) -> LeastViolating | None:
+        """What comes nearest to being feasible, where nothing is."""
+        return self._end.least_violating
+
+    @property
+    def _chosen_words(self) -> str:
+        """What the point is that is drawn solid at the end."""
+        if self._nearest is not None:
+            return "least-violating"
+        return CHOSEN if self._end.front is not None and self._end.choice is not None else "compromise"
+
+    @cached_property
+    def _views(self) -> FrontViews:
+        return FrontViews(search=self.search, shown=self._shown, note=self._note)
+
+    @cached_property
+    def _clock(self) -> ReplayClock:
+        return ReplayClock.of([each.points for each in self._generations])
+
+    @cached_property
+    def _motions(self) -> MotionScene | None:
+        cell = self.search.recorded.workcell
+        points = [*self._walk, *self._end_points, *(point for each in self._generations for point in each.points)]
+        if cell is None or not any(point.motion is not None and point.axis is None for point in points):
+            return None
+        return MotionScene(workcell=cell, names=self.search.scene.names, points=points)
+
+    @cached_property
+    def _postures(self) -> DrawnChart | None:
+        """The joints along the front, where arms stand still and would show straight lines over time."""
+        cell, front = self.search.recorded.workcell, self._end.front
+        standing = all(point.motion is not None and point.motion.is_standing for point in self._end_points)
+        if cell is None or front is None or not self._end_points or not standing or front.motions is None:
+            return None
+        postures = np.asarray(front.motions.q)[:, 0]
+        chart, values, curves = posture_chart(cell, front.objectives[:, 0], postures, self.search.scene.label(0))
+        return replace(chart, title="joint position over the final front"), values, curves
+
+    @cached_property
+    def _layout(self) -> Layout:
+        motions = self._motions
+        joints: list[Chart] = [] if motions is None else list(motions.charts.values())
+        if self._postures is not None:
+            joints = [self._postures[0]]
+        scene, choice = self.search.scene, self._end.choice
+        chosen = "compromise" if self._nearest is None else self._chosen_words
+        why = [] if choice is None else [rrb.TextDocumentView(origin=WHY, name="why")]
+        postures = "" if self._postures is None else "postures of the final front"
+        entries = search_entries(scene, motions, chosen=chosen, walked=len(self._walk) > 1, postures=postures)
+        return Layout(
+            legend=Legend(entity="legend", entries=entries),
+            front=self._views.front,
+            charts=self._views.charts,
+            arm=None if motions is None else motions.view(),
+            joints=[chart.view() for chart in joints],
+            texts=[text_view(f"{scene.timeline}, {self._chosen_words}"), *why, *self._views.notes],
+            timeline=scene.timeline,
+        )
+
+
+# What is kept of a generation whose front has more points than a picture can show, and its hypervolume.
+
+
+OPTIONS = HypervolumeOptions(share=0.25)
+"""The process that records has time that the run has not."""
+
+
+class FrontReduction:
+    """Reduces generations of a search, whose objectives are ``maximised`` or not, to at most so many ``points``."""
+
+    def __init__(self, *, maximised: tuple[bool, ...], points: int) -> None:
+        self._signs = np.where(maximised, -1.0, 1.0)
+        self._points = points
+        self._hypervolume = HypervolumeCurve(OPTIONS)
+
+    def reduce(self, generation: Generation) -> Generation:
+        """Return a generation with points that MaxiMin spreads over its front, the ends among them."""
+        volume, front = generation.hypervolume, generation.front
+        if volume is None and generation.reference is not None:
+            reference = generation.reference * self._signs
+            volume = self._hypervolume.measure(front * self._signs, generation.number, reference)
+        generation = replace(generation, hypervolume=volume, size=len(front))
+        if len(front) <= self._points:
+            return generation
+        rows = spread_rows(front * self._signs, self._points)
+        origins = None if generation.origins is None else generation.origins[rows]
+        return replace(generation, front=front[rows], front_ids=generation.front_ids[rows], origins=origins)
+
+
+def reduction_note(generations: Sequence[Generation]) -> str:
+    """Return in words what was left out of the fronts of generations, "" for nothing."""
+    reduced = [len(each.front) for each in generations if each.size is not None and each.size > len(each.front)]
+    if not reduced:
+        return ""
+    return f"Of a front on the way {max(reduced)} points are drawn at most, spread over it, its ends among them."
+
+
+def spread_rows(F: Objectives, count: int) -> Int[np.ndarray, " rows"]:
+    """Return in their order the rows of so many points of a front, minimised: the best of each objective, and MaxiMin.
+
+    Marcos et al. (2012); see ``search.maximin``.
+    """
+    Z = scaled(F, F.min(axis=0), F.max(axis=0))
+    starts = list(dict.fromkeys([*F.argmin(axis=0).tolist(), *starting_points(Z)]))[:count]
+    order, _ = greedy_order(Z, count, np.full(len(Z), np.inf), starts)
+    return np.asarray(np.sort(order))
+
+
+class Recording:
+    """Draws a search into a stream; errors of Rerun are raised.
+
+    While the search runs, each generation is drawn on its own axes. The common axes of all are known only at its end,
+    so `finish` draws all of them again, into another stream.
+    """
+
+    def __init__(self, scene: SearchedFront, stream: rr.RecordingStream, options: RecorderOptions) -> None:
+        self._recorded = scene
+        self._scene = SearchScene(
+            names=scene.names, units=scene.units, maximised=scene.maximised, timeline=scene.timeline
+        )
+        self._stream = stream
+        self._reduction = FrontReduction(maximised=scene.maximised, points=options.points)
+        self._canvases: list[Canvas] = []
+        self._parallel: ParallelAxes | None = None
+        self._motions: MotionScene | None = None
+        self._layout: Layout | None = None
+        log_styles(self._scene, stream)
+
+    def reduce(self, generation: Generation) -> Generation:
+        """Return a generation with at most so many points as are drawn, and its hypervolume."""
+        return self._reduction.reduce(generation)
+
+    def record(self, generation: Generation) -> None:
+        """Draw a generation while the search goes on."""
+        stream, scene = self._stream, self._scene
+        stream.set_time(scene.timeline, sequence=generation.number)
+        shown = generation.front if len(generation.front) else generation.population
+        changed = self._layout is None
+        if not scene.fits(self._canvases, shown):
+            changed |= not self._canvases
+            self._canvases, self._parallel = scene.canvases(shown), scene.parallel_axes(shown)
+            scene.log_axes(stream, self._canvases, static=False)
+            if self._parallel is not None:
+                self._parallel.log(stream, static=False)
+        changed |= self._begin_motions(generation)
+        if changed:
+            self._send_layout()
+        scene.log_generation(stream, generation, self._canvases, self._parallel)
+        log_series(scene, stream, generation)
+        stream.log(TEXT, rr.TextDocument(text_of(scene, generation), media_type="text/markdown"))
+        if self._motions is not None:
+            self._motions.log_whole(stream, generation.points)
+
+    def finish(self, generations: Sequence[Generation], end: SearchEnd | None, note: str) -> None:
+        """Draw everything on common axes, at the end the front and the motion of the choice, and a note if any.
+
+        Without a front each generation stands at its own sample of the motion, and the search of some is shown beside
+        them. Without an end the last generation is the end.
+        """
+        end = SearchEnd(front=None) if end is None else end
+        note = " ".join(filter(None, (note, reduction_note(generations))))
+        kind = FinishedLoop if self._scene.timeline == "step" else FinishedSearch
+        search = RecordedSearch(scene=self._scene, recorded=self._recorded, generations=generations, end=end, note=note)
+        kind(search=search).log(self._stream)
+
+    def _begin_motions(self, generation: Generation) -> bool:
+        """Draw the workcell once there are motions; say whether that was now."""
+        cell, points = self._recorded.workcell, generation.points
+        if self._motions is not None or cell is None or not has_motions(points):
+            return False
+        self._motions = MotionScene(workcell=cell, names=self._scene.names, points=points)
+        self._motions.log(self._stream)
+        return True
+
+    def _send_layout(self) -> None:
+        scene, motions = self._scene, self._motions
+        legend = Legend(entity="legend", entries=search_entries(scene, motions))
+        legend.log(self._stream)
+        parallel = [] if self._parallel is None else [self._parallel.view()]
+        self._layout = Layout(
+            legend=legend,
+            front=scene.view() if self._canvases else None,
+            charts=[*parallel, *series_views(scene)],
+            arm=None if motions is None else motions.view(),
+            joints=[] if motions is None else [chart.view() for chart in motions.charts.values()],
+            texts=[text_view(scene.timeline)],
+            timeline=scene.timeline,
+        )
+        self._stream.send_blueprint(self._layout.blueprint())

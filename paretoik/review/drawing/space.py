@@ -1,0 +1,240 @@
+"""Arms of URDF files as their meshes, where all of these are at hand."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+from jaxtyping import Float
+from rerun.urdf import UrdfTree
+
+from paretoik.arrays import Vector3
+from paretoik.review.drawing.axes import nice_ticks, tick_text
+from paretoik.review.palette import DRAWING, SCENES, SCREEN, VIEWS
+from paretoik.robot.arm import Arm
+from paretoik.robot.pose import Pose
+
+# The eye on a scene in space: as near as it may be while all that is to be seen lies in its view.
+
+
+def fitting_eye(points: Float[np.ndarray, "points 3"]) -> rrb.EyeControls3D:
+    """Return the eye that sees all of some points, as large as its view allows.
+
+    A point at p across and z deep is in sight from the distance d where |p - c| <= h (d + z), with h half the view and
+    c its middle: the least distance follows from the points that bind on either side.
+    """
+    axes, half = _camera_axes(), half_view()
+    middle = points.mean(axis=0)
+    places = (points - middle) @ axes.T
+    across, deep = places[:, :2], half * places[:, 2:]
+    most, least = (across - deep).max(axis=0), (across + deep).min(axis=0)
+    distance = float(((most - least) / (2 * half)).max())
+    target = middle + (most + least) / 2 @ axes[:2]
+    return rrb.EyeControls3D(position=target - distance * axes[2], look_target=target)
+
+
+def half_view() -> Float[np.ndarray, " 2"]:
+    """Return half the width and height of what is seen at distance 1, less what labels need at the margins."""
+    width, height = VIEWS.panels[0], VIEWS.panels[1] - VIEWS.title
+    whole = np.tan(np.radians(SCENES.field_of_view) / 2) * np.array([width / height, 1.0])
+    return np.asarray(whole * (1.0 - 2.0 * np.array(SCENES.label_margin) / (width, height)))
+
+
+def _camera_axes() -> Float[np.ndarray, "3 3"]:
+    """Return the unit vectors to the right, upwards and away from the eye."""
+    away = -np.array(SCENES.eye) / np.linalg.norm(SCENES.eye)
+    right = np.cross(away, (0.0, 0.0, 1.0))
+    right /= np.linalg.norm(right)
+    return np.stack([right, np.cross(right, away), away])
+
+
+# Axes of a scene in space: a ground with a grid and ticks in metres, and a measured upright.
+
+
+METRES = ("x [m]", "y [m]", "z [m]")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Ground:
+    """The box from ``low`` to ``high`` (3,) [m] that a scene fills, with a grid of ``step`` [m] below it.
+
+    ``seen`` are points that its view is to show. ``labels`` are those of its axes, which may count something else than
+    metres.
+    """
+
+    low: Vector3
+    high: Vector3
+    step: float
+    seen: Float[np.ndarray, "points 3"]
+    labels: tuple[str, str, str] = METRES
+
+    @staticmethod
+    def around(points: np.ndarray, *, labels: tuple[str, str, str] = METRES) -> Ground:
+        """Return the ground of points (points, 3), its corners on round lengths.
+
+        It lies at 0 where all is above, or nearly all: what dips below it by less than half a step is seen through it.
+        """
+        low, high = points.min(axis=0), points.max(axis=0)
+        width = max(float((high - low).max()), 1e-6)
+        step = float(np.diff(nice_ticks(0.0, width, count=SCENES.grid))[0])
+        middle, half = (low + high) / 2, np.maximum((high - low) / 2, 0.2 * width)
+        low, high = np.minimum(low, middle - half), np.maximum(high, middle + half)
+        lowest = float(points[:, 2].min())
+        low[2] = min(lowest, 0.0) if lowest < width else low[2]
+        low[2] = 0.0 if -0.5 * step < lowest < width else low[2]
+        low, high = np.floor(low / step + 1e-6) * step, np.ceil(high / step - 1e-6) * step
+        return Ground(low=low, high=high, step=step, seen=points, labels=labels)
+
+    def log(self, recording: rr.RecordingStream, entity: str) -> None:
+        """Draw grid, ticks and labels, for all times."""
+        (x0, y0, z0), (x1, y1, z1) = self.low, self.high
+        x, y, z = (self._ticks(axis) for axis in range(3))
+        lines = [[(a, y0, z0), (a, y1, z0)] for a in x] + [[(x0, b, z0), (x1, b, z0)] for b in y]
+        upright = [[(x0, y0, z0), (x0, y0, z1)]]
+        marks = [[(x0, y0, c), (x0 + 0.15 * self.step, y0, c)] for c in z]
+        colours = [SCREEN.grid] * len(lines) + [SCREEN.frame] * (1 + len(marks))
+        strips = rr.LineStrips3D([*lines, *upright, *marks], colors=colours, radii=rr.Radius.ui_points(0.7))
+        recording.log(f"{entity}/grid", strips, static=True)
+        places, words = self._labels
+        text = rr.Points3D(
+            places,
+            labels=words,
+            show_labels=True,
+            colors=[SCREEN.frame] * (len(words) - 3) + [SCREEN.text] * 3,
+            radii=rr.Radius.ui_points(0.0),
+        )
+        recording.log(f"{entity}/labels", text, static=True)
+
+    def eye(self) -> rrb.EyeControls3D:
+        """Look at everything from in front, from the right and from above, its labels in sight."""
+        corners = np.array(
+            [(x, y, self.low[2]) for x in (self.low[0], self.high[0]) for y in (self.low[1], self.high[1])]
+        )
+        return fitting_eye(np.concatenate([self.seen, corners, self._labels[0]]))
+
+    @cached_property
+    def _labels(self) -> tuple[Float[np.ndarray, "labels 3"], list[str]]:
+        """The places and words of ticks, the names of the three axes last."""
+        (x0, y0, z0), (x1, y1, z1) = self.low, self.high
+        inner = (self._ticks(axis)[1:-1] for axis in range(2))
+        x, y = (ticks[:: 2 if len(ticks) > SCENES.ground_ticks else 1] for ticks in inner)
+        z = self._ticks(2)[1:]
+        gap = 0.07 * float((self.high - self.low).max())
+        places = [(a, y0 - gap, z0) for a in x] + [(x1 + gap, b, z0) for b in y]
+        places += [(x0 - gap, y0 - 0.3 * gap, c) for c in z]
+        places += [((x0 + x1) / 2, y0 - 2.6 * gap, z0), (x1 + 2.6 * gap, (y0 + y1) / 2, z0), (x0, y0, z1 + gap)]
+        return np.array(places), [*map(tick_text, (*x, *y, *z)), *self.labels]
+
+    def _ticks(self, axis: int) -> np.ndarray:
+        count = round((self.high[axis] - self.low[axis]) / self.step)
+        return np.round(self.low[axis] + self.step * np.arange(count + 1), 9) + 0.0
+
+
+PACKAGE_PATHS = ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")
+PACKAGE = "package://"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ArmMeshes:
+    """The meshes of an arm, at the entities ``root`` and ``root``_joints; its frames' names begin with ``root`` too."""
+
+    arm: Arm
+    tree: UrdfTree
+    root: str
+
+    def log(self, recording: rr.RecordingStream, scene: str) -> None:
+        """Log the meshes, and where they stand in the view at entity ``scene``."""
+        self.tree.log_urdf_to_recording(recording=recording)
+        joints = self.tree.joints()
+        (root,) = {joint.parent_link for joint in joints} - {joint.child_link for joint in joints}
+        mount = self.arm.base @ self.arm.frames[root].pose
+        transform = _transform(mount, f"tf#/{scene}", self.root + root)
+        recording.log(f"{self.root}_joints/mount", transform, static=True)
+        for joint in self.tree.joints():
+            frames = [self.arm.frames.get(link) for link in (joint.parent_link, joint.child_link)]
+            if joint.name in self.arm.joint_names or joint.joint_type == "fixed" or None in frames:
+                continue
+            parent, child = (frame.pose for frame in frames if frame is not None)  # of a joint that does not move
+            transform = _transform(
+                parent.inverse() @ child, self.root + joint.parent_link, self.root + joint.child_link
+            )
+            recording.log(f"{self.root}_joints/{joint.name}", transform, static=True)
+
+    def log_posture(self, recording: rr.RecordingStream, q: Float[np.ndarray, " dof"]) -> None:
+        """Log where links are at a posture, at the current time."""
+        for joint in self.tree.joints():
+            if joint.name in self.arm.joint_names:
+                value = float(q[self.arm.joint_names.index(joint.name)])
+                recording.log(f"{self.root}_joints/{joint.name}", joint.compute_transform(value, clamp=False))
+
+    def send(
+        self, recording: rr.RecordingStream, columns: Sequence[rr.TimeColumn], q: Float[np.ndarray, "rows dof"]
+    ) -> None:
+        """Log where links are at joint positions, a row of ``columns`` each."""
+        for joint in self.tree.joints():
+            if joint.name in self.arm.joint_names:
+                values = q[:, self.arm.joint_names.index(joint.name)].tolist()
+                transforms = joint.compute_transform_columns(values, clamp=False)
+                recording.send_columns(f"{self.root}_joints/{joint.name}", columns, transforms)
+
+
+def find_meshes(arm: Arm, root: str) -> ArmMeshes | None:
+    """Return the meshes of an arm's URDF; None where it has none, one is missing, or they are too large together."""
+    if arm.source is None or not arm.source.is_file() or not arm.frames:
+        return None
+    try:
+        description = ElementTree.parse(arm.source)
+    except (OSError, ElementTree.ParseError):
+        return None
+    for link in description.getroot().iter("link"):
+        for collision in link.findall("collision"):  # what is for looking at is drawn
+            link.remove(collision)
+    size = 0
+    meshes = list(description.getroot().iter("mesh"))
+    for mesh in meshes:
+        file = _find(mesh.get("filename", ""), arm.source)
+        if file is None:
+            return None
+        size += file.stat().st_size
+        mesh.set("filename", str(file))
+    if not meshes or size > DRAWING.mesh_bytes:
+        return None
+    with tempfile.TemporaryDirectory() as folder:  # Rerun finds packages by the environment alone
+        resolved = Path(folder) / arm.source.name
+        description.write(resolved)
+        try:
+            tree = UrdfTree.from_file_path(
+                resolved,
+                entity_path_prefix=root,
+                frame_prefix=root,
+                static_transform_entity_path=f"{root}_joints/fixed",
+            )
+        except Exception:  # what Rerun's reader refuses is drawn as lines
+            return None
+    return ArmMeshes(arm=arm, tree=tree, root=root)
+
+
+def _find(name: str, source: Path) -> Path | None:
+    """Return the file of a mesh: beside the URDF, or in a package around it or on the search paths."""
+    if not name.startswith(PACKAGE):
+        candidates = [source.parent / name.removeprefix("file://")]
+    else:
+        package, _, inside = name.removeprefix(PACKAGE).partition("/")
+        around = [parent for parent in source.resolve().parents if parent.name == package]
+        folders = [Path(folder) for name in PACKAGE_PATHS for folder in os.environ.get(name, "").split(os.pathsep)]
+        places = [*source.resolve().parents, *folders, *(folder / "share" for folder in folders)]
+        candidates = [parent / inside for parent in around] + [place / package / inside for place in places]
+    return next((file.resolve() for file in candidates if file.is_file()), None)
+
+
+def _transform(pose: Pose, parent: str, child: str) -> rr.Transform3D:
+    quaternion = rr.Quaternion(xyzw=np.roll(pose.quaternion, -1))
+    return rr.Transform3D(translation=pose.position, quaternion=quaternion, parent_frame=parent, child_frame=child)

@@ -1,0 +1,185 @@
+"""Obstacles as lines: outlines in the plane of a planar arm, wires in space."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from paretoik.task.obstacles import Box, Capsule, Circle, Obstacle, Sphere
+
+# Where a label can be put beside its mark or in a frame, and how much it covers there; in any unit of length.
+
+
+Point = Float[np.ndarray, " 2"]
+Places = Float[np.ndarray, "places 2"]
+Lines = Float[np.ndarray, "lines 2 2"]
+NO_LINES = np.zeros((0, 2, 2))
+SIDES = np.array([(1, 0), (-1, 0), (0, -1), (0, 1), (1, -1), (-1, -1), (1, 1), (-1, 1)], dtype=float)
+
+
+def places_beside(mark: Point, half: Point, distances: tuple[float, ...]) -> Places:
+    """Return the middles of a label of half a size on all sides of its `mark`, the nearest first."""
+    return np.concatenate([mark + SIDES * (half + distance) for distance in distances])
+
+
+def places_between(low: Point, high: Point, count: int) -> Places:
+    """Return so many places across and along from one corner to the other; one only where there is no way between."""
+    across, along = (np.linspace(a, b, count) if a < b else np.array([a]) for a, b in zip(low, high, strict=True))
+    return np.stack(np.meshgrid(across, along), axis=-1).reshape(-1, 2)
+
+
+def count_covered(
+    middles: Places, half: Point, others: Float[np.ndarray, "marks 2"], *, gap: float = 0.0
+) -> Int[np.ndarray, " places"]:
+    """Return how many marks a label of half a size, and a ``gap`` around it, covers at each of its places."""
+    across, along = (
+        np.abs(others[:, axis] - middles[:, axis, None]) < half[axis] + gap for axis in (0, 1)
+    )  # axis by axis: reducing pairs takes NumPy several times as long
+    return np.asarray((across & along).sum(axis=1))
+
+
+def freest_place(
+    middles: Places,
+    half: Point,
+    mark: Point,
+    others: Float[np.ndarray, "marks 2"],
+    gap: float,
+    lines: Lines = NO_LINES,
+    *,
+    reach: float = 0.0,
+) -> Point:
+    """Return the place that covers fewest marks, and whose line to its own `mark` crosses fewest ``lines``.
+
+    Of such that whose line touches fewest other marks, all within ``reach`` of it, then the nearest to its mark.
+    """
+    ends = np.clip(mark, middles - half, middles + half)
+    crossed = count_crossed(mark, ends, lines)
+    touched = count_touched(mark, ends, others, reach)
+    distances = np.linalg.norm(ends - mark, axis=1)
+    covered = count_covered(middles, half, others, gap=gap)
+    return np.asarray(middles[np.lexsort((distances, touched, crossed + covered))[0]])
+
+
+def count_crossed(start: Point, ends: Places, lines: Lines) -> Int[np.ndarray, " places"]:
+    """Return how many ``lines`` each way from a `start` to one of its ends crosses."""
+    tails, tips = lines[:, 0], lines[:, 1]
+    sides = _side(start, ends[:, None], tails) * _side(start, ends[:, None], tips)
+    ways = _side(tails, tips, start) * _side(tails, tips, ends[:, None])
+    return np.asarray(((sides < 0.0) & (ways < 0.0)).sum(axis=1))
+
+
+def count_touched(
+    start: Point, ends: Places, marks: Float[np.ndarray, "marks 2"], reach: float
+) -> Int[np.ndarray, " places"]:
+    """Return how many marks each line from a `start` to one of its ends comes within ``reach`` of.
+
+    Of a mark that is no farther from the start itself, only a line that leads towards it counts.
+    """
+    along, away = ends - start, marks - start
+    squared = np.maximum((along**2).sum(axis=1), np.finfo(float).tiny)
+    shares = np.clip(away @ along.T / squared, 0.0, 1.0).T
+    nearest = np.linalg.norm(away - shares[..., None] * along[:, None], axis=-1)
+    return np.asarray((nearest < np.minimum(reach, np.linalg.norm(away, axis=1))).sum(axis=1))
+
+
+def _side(tail: np.ndarray, tip: np.ndarray, point: np.ndarray) -> np.ndarray:
+    """Return on which side of a line a point lies, by its sign."""
+    along, away = tip - tail, point - tail
+    return np.asarray(along[..., 0] * away[..., 1] - along[..., 1] * away[..., 0])
+
+
+Polyline = Float[np.ndarray, "_ axes"]
+ANGLES = np.linspace(0.0, 2.0 * np.pi, 49) % (2.0 * np.pi)  # closed exactly
+RING = np.stack([np.cos(ANGLES), np.sin(ANGLES), np.zeros_like(ANGLES)], axis=1)
+
+EDGES = [(i, j) for i in range(8) for j in range(i) if (i ^ j).bit_count() == 1]  # of a box, by its corners' signs
+
+
+def outline(obstacle: Obstacle) -> Polyline | None:
+    """Return the closed outline (points, 2) [m] of an obstacle in the plane z = 0; None where it does not reach it."""
+    match obstacle:
+        case Circle():
+            return np.asarray(obstacle.center + obstacle.radius * RING[:, :2])
+        case Sphere():
+            inside = obstacle.radius**2 - obstacle.center[2] ** 2
+            return None if inside <= 0 else np.asarray(obstacle.center[:2] + np.sqrt(inside) * RING[:, :2])
+        case Capsule():
+            return _hull(np.concatenate([_slice_of_ball(end, obstacle.radius) for end in _centers(obstacle)]))
+        case Box():
+            return _hull(_slice_of_box(obstacle))
+
+
+def wires(obstacle: Obstacle, height: tuple[float, float]) -> list[Polyline]:
+    """Return an obstacle in space as lines, each (points, 3) [m].
+
+    What has no ends is drawn as long as the two numbers of ``height`` [m] are apart.
+    """
+    match obstacle:
+        case Circle():
+            center = np.array([*obstacle.center, 0.0])
+            rings = [center + np.array([0.0, 0.0, z]) + obstacle.radius * RING for z in height]
+            return [*rings, *(np.stack([rings[0][i], rings[1][i]]) for i in range(0, 48, 12))]
+        case Sphere():
+            turned = (RING, RING[:, [0, 2, 1]], RING[:, [2, 0, 1]])
+            return [obstacle.center + obstacle.radius * ring for ring in turned]
+        case Capsule():
+            return _capsule_wires(obstacle)
+        case Box():
+            corners = _box_corners(obstacle, height)
+            return [corners[list(edge)] for edge in EDGES]
+
+
+def _capsule_wires(capsule: Capsule) -> list[Polyline]:
+    """Return a ring about each end, the lines between them, and two arcs over each end."""
+    axis = capsule.end - capsule.start
+    length = float(np.linalg.norm(axis))
+    axis = axis / length if length > 0 else np.array([0.0, 0.0, 1.0])
+    across = np.cross(axis, np.eye(3)[np.abs(axis).argmin()])
+    across /= np.linalg.norm(across)
+    frame = np.stack([across, np.cross(axis, across), axis])
+    rings = [end + capsule.radius * RING @ frame for end in (capsule.start, capsule.end)]
+    lines = [np.stack([rings[0][i], rings[1][i]]) for i in range(0, 48, 12)]
+    half = RING[:25, [0, 2, 1]], RING[:25, [2, 0, 1]]
+    ends = ((capsule.start, -1.0), (capsule.end, 1.0))
+    arcs = [end + capsule.radius * (arc * [1.0, 1.0, side]) @ frame for end, side in ends for arc in half]
+    return [*rings, *lines, *arcs]
+
+
+def _box_corners(box: Box, height: tuple[float, float]) -> Float[np.ndarray, "8 3"]:
+    """Return the corners of a box; a beam, which has two half sizes, is as long as the heights are apart."""
+    sizes = box.half_sizes if len(box.half_sizes) == 3 else [*box.half_sizes, 0.5 * (height[1] - height[0])]
+    return np.asarray(box.pose.apply(np.array(list(product((-1.0, 1.0), repeat=3))) * sizes))
+
+
+def _slice_of_box(box: Box) -> Polyline:
+    """Return where the edges of a box meet the plane z = 0, (points, 2); of a rectangle in it, its corners."""
+    corners = _box_corners(box, (0.0, 0.0))
+    crossings: list[np.ndarray] = []
+    for low, high in (corners[list(edge)] for edge in EDGES):
+        if low[2] * high[2] <= 0 and low[2] != high[2]:
+            crossings.append((low + (high - low) * low[2] / (low[2] - high[2]))[:2])
+        elif low[2] == high[2] == 0:
+            crossings += [low[:2], high[:2]]
+    return np.array(crossings).reshape(-1, 2)
+
+
+def _centers(capsule: Capsule) -> Float[np.ndarray, "centers 3"]:
+    return np.linspace(capsule.start, capsule.end, 33)
+
+
+def _slice_of_ball(center: np.ndarray, radius: float) -> Polyline:
+    inside = radius**2 - center[2] ** 2
+    return np.empty((0, 2)) if inside <= 0 else center[:2] + np.sqrt(inside) * RING[:, :2]
+
+
+def _hull(points: Float[np.ndarray, "_ 2"]) -> Polyline | None:
+    """Return the closed convex hull of points, counter-clockwise; None of fewer than three that are no line."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    try:
+        order = ConvexHull(points).vertices
+    except (QhullError, ValueError):
+        return None
+    return points[[*order, order[0]]]

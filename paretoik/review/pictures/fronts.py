@@ -1,0 +1,448 @@
+"""Pictures of a front and its motions, drawn without a screen."""
+
+from __future__ import annotations
+
+import io
+import textwrap
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import combinations, pairwise
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+from jaxtyping import Float
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure, SubFigure
+from PIL import Image
+from PIL.PngImagePlugin import PngInfo
+
+from paretoik.front.choice import Choice
+from paretoik.front.comparison import Comparison
+from paretoik.front.front import Front
+from paretoik.front.points import StoredMotions
+from paretoik.front.preferences.compromise import best_rows, compromise
+from paretoik.review.outlines import count_covered, freest_place, outline, places_beside, places_between, wires
+from paretoik.review.palette import PAPER, even_rows, objective_label
+from paretoik.review.words import describe_limits_between
+from paretoik.runs.file_replacement import replace_file
+
+# Names of points in a picture of a front, off all dots and off each other.
+
+
+@dataclass(frozen=True, kw_only=True)
+class NameSizes:
+    """Sizes [points]: of a ``character`` across, of a ``line``, and how far a name is off its mark and off others.
+
+    Where nothing beside its mark is free, a name goes to one of ``grid`` places across and down; one farther off than
+    ``leader`` is joined to its mark by a line.
+    """
+
+    character: float = 6.0
+    line: float = 10.0
+    distances: tuple[float, ...] = (5.0, 12.0)
+    gap: float = 2.5
+    grid: int = 16
+    leader: float = 10.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class NamedPoint:
+    """A point that has its name beside it: its row, the words, their colour."""
+
+    row: int
+    name: str
+    colour: str
+
+
+NAMES = NameSizes()
+
+
+def name_points(axes: Axes, points: Float[np.ndarray, "points 2"], named: Sequence[NamedPoint]) -> None:
+    """Write names beside some of ``points``, which are drawn in axes whose limits are set; one after the other."""
+    low, high = (np.array(limits) for limits in zip(axes.get_xlim(), axes.get_ylim(), strict=True))
+    size = np.array(axes.bbox.size) * 72.0 / axes.figure.dpi  # before the layout is made: about what it will be
+    taken = (points - low) / (high - low) * size
+    for point in named:
+        mark, half = taken[point.row], np.array([0.5 * NAMES.character * len(point.name), 0.5 * NAMES.line])
+        middle = name_place(mark, half, taken, size)
+        axes.annotate(
+            point.name,
+            tuple(points[point.row]),
+            tuple(middle - mark),
+            textcoords="offset points",
+            ha="center",
+            va="center",
+            color=point.colour,
+            weight="bold",
+            arrowprops=_leader(mark, middle, half, point.colour),
+        )
+        taken = np.concatenate([taken, places_between(middle - half, middle + half, 5)])
+
+
+def name_place(
+    mark: Float[np.ndarray, " 2"],
+    half: Float[np.ndarray, " 2"],
+    taken: Float[np.ndarray, "taken 2"],
+    size: Float[np.ndarray, " 2"],
+) -> Float[np.ndarray, " 2"]:
+    """Return the middle of a name of half a size that covers fewest of what is ``taken`` in axes of a size, in points.
+
+    Beside its mark wherever that is free, else anywhere within the axes.
+    """
+    beside = places_beside(mark, half, NAMES.distances)
+    inside = ((beside - half >= 0.0) & (beside + half <= size)).all(axis=1)
+    free = inside & (count_covered(beside, half, taken, gap=NAMES.gap) == 0)
+    if free.any():
+        return np.asarray(beside[int(free.argmax())])
+    return freest_place(places_between(half, size - half, NAMES.grid), half, mark, taken, NAMES.gap)
+
+
+def _leader(mark: np.ndarray, middle: np.ndarray, half: np.ndarray, colour: str) -> dict[str, object] | None:
+    """Return how a name is joined to its mark; None where it stands beside it."""
+    if np.linalg.norm(np.maximum(np.abs(middle - mark) - half, 0.0)) <= NAMES.leader:
+        return None
+    return {"arrowstyle": "-", "color": colour, "linewidth": 0.7, "shrinkA": 0.0, "shrinkB": 3.0}
+
+
+# Obstacles in pictures: filled outlines in the plane, wires in space.
+
+
+def draw_obstacles(axes: Axes, motion: Any) -> None:
+    """Draw the obstacles of a single `motion`; what has no ends in space is as high as the arm comes."""
+    if motion.arm.is_planar:
+        for line in map(outline, motion.obstacles):
+            if line is not None:
+                axes.fill(*line.T, facecolor=PAPER.quiet, alpha=0.5, linewidth=0.0)
+        return
+    height = (min(0.0, float(motion.links[..., 2].min())), float(motion.links[..., 2].max()))
+    for obstacle in motion.obstacles:
+        for wire in wires(obstacle, height):
+            axes.plot(*wire.T, color=PAPER.quiet, linewidth=0.6, alpha=0.8)
+
+
+WITHOUT_ARM = "The run's problem is not at hand: its arm is drawn after load_front(folder, problem)."
+
+
+@dataclass(frozen=True, kw_only=True)
+class Highlight:
+    """A point that is marked in the front and whose motion is drawn: its row, its colour and the reason."""
+
+    index: int
+    colour: str
+    reason: str
+
+
+def front_picture(front: Front, file: Path | str, choice: Choice | None = None) -> None:
+    """Write a PNG of `front` and, where it has motions, of some of them: the best in each of the first objectives.
+
+    To these comes `choice`, or without one the compromise (``front.compromise``). Where one of these motions exceeds a
+    limit between samples, the words say which, when, and what helps; motions without their arm are drawn as joint
+    positions over time. One objective is shown as values, two and three as scatters, more as parallel coordinates; of
+    two, neighbours on one branch of optima are joined by a line, jumps dotted (``Front.jumps``). Raises InvalidInput
+    where writing fails.
+    """
+    highlights = _highlights(front, choice)
+    many, moving = len(front.names) > 2, front.motions is not None
+    size = ((9.6, 6.0) if moving else (9.6, 3.2)) if many else ((11.0, 3.3) if moving else (4.2, 3.4))
+    with picture(file, size) as figure:
+        if not moving or not highlights:
+            _draw_front(figure, front, highlights)
+        else:
+            grid: Any = {"nrows": 2} if many else {"ncols": 2, "width_ratios": [1.0, 2.0]}
+            trade_off, motions = np.ravel(figure.subfigures(**grid))
+            _draw_front(trade_off, front, highlights)
+            if isinstance(front.motions, StoredMotions):
+                _draw_joints(motions, front, highlights)
+                warn_below(figure, WITHOUT_ARM)
+            else:
+                _draw_motions(motions, front, highlights)
+                warn_below(figure, describe_limits_between(front, [point.index for point in highlights]))
+
+
+@contextmanager
+def picture(file: Path | str, size: tuple[float, float]) -> Iterator[Figure]:
+    """Yield a figure of a size [inches] and write it as a small PNG of ours; raises InvalidInput where that fails.
+
+    A ``matplotlibrc`` has no say: one in the current folder, which may be a run from anybody, could start LaTeX.
+    """
+    pixels = io.BytesIO()
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update(PAPER.style)
+        figure = Figure(figsize=size, dpi=125, layout="constrained")
+        yield figure
+        figure.savefig(pixels, format="png")
+    mark, content = PngInfo(), io.BytesIO()
+    mark.add_text("Software", "paretoik")  # run_files.PICTURE_MARK
+    # A palette takes a third of the space of true colours, and the eye sees no difference.
+    Image.open(pixels).convert("RGB").quantize(128).save(content, format="png", optimize=True, pnginfo=mark)
+    replace_file(Path(file), content.getvalue())
+
+
+def label(front: Front, axis: int) -> str:
+    """Return the label of an objective's axis."""
+    return _text(objective_label(front.names[axis], front.units[axis], front.maximised[axis]))
+
+
+def warn_below(figure: Figure, words: str) -> None:
+    """Write words, if any, below what is drawn, in lines that fit its width."""
+    if words:
+        lines = textwrap.fill(_text(words), int(12 * figure.get_figwidth()))
+        figure.supxlabel(lines, fontsize="medium", color=PAPER.accents[0])
+
+
+def draw_jumps(axes: Axes, front: Front) -> None:
+    """Join neighbours of a front by dots where it jumps from one branch of optima to another."""
+    for i, pair in enumerate(pairwise(front.ids.tolist())):
+        if pair in (front.jumps or ()):
+            first = pair == (front.jumps or ())[0]
+            x, y = front.objectives[i : i + 2].T
+            axes.plot(x, y, color=PAPER.accents[0], linestyle=":", zorder=1, label="jump" if first else None)
+
+
+def stroboscopic(axes: Axes, motion: Any, *, colour: str = PAPER.accents[1]) -> None:
+    """Draw a single `motion`: its obstacles, some of its postures, the later the darker, and the path of its tool.
+
+    The axes must be three-dimensional for an arm that is not planar.
+    """
+    draw_obstacles(axes, motion)
+    size = 2 if motion.arm.is_planar else 3
+    links, tool = motion.links[..., :size], motion.tool[..., :size]
+    picked = even_rows(len(links), PAPER.postures)
+    for place, sample in enumerate(picked):
+        strength = 0.18 + 0.62 * (place / max(len(picked) - 1, 1)) ** 2
+        axes.plot(*links[sample].T, color=PAPER.ink, alpha=strength, linewidth=1.3, solid_capstyle="round")
+    last = links[picked[-1]]
+    axes.plot(*last.T, color=PAPER.ink, linestyle="none", marker="o", markersize=3.2, markerfacecolor="white")
+    axes.plot(*tool.T, color=colour, linewidth=1.8)
+    axes.plot(*tool[-1:].T, color=colour, marker="o", markersize=4.5)
+
+
+def label_arm(axes: Any, *, planar: bool) -> None:
+    """Name the axes of an arm; in space they have one scale, and room for their names."""
+    axes.set(xlabel="x [m]", ylabel="y [m]")
+    if planar:
+        return
+    axes.set_zlabel("z [m]")
+    axes.tick_params(pad=-2)
+    for axis, pad in ((axes.xaxis, -2.0), (axes.yaxis, -2.0), (axes.zaxis, -1.0)):  # words stand off the ticks
+        axis.labelpad = pad
+    axes.set_aspect("equal")
+    axes.set_box_aspect(None, zoom=0.76)
+
+
+def _highlights(front: Front, choice: Choice | None) -> list[Highlight]:
+    if len(front) == 0:
+        return []
+    reasons: dict[int, str] = {}
+    for row, name in zip(best_rows(front.minimised[:, :3], front.ids), front.names, strict=False):
+        reasons.setdefault(row, f"best {name}")
+    if choice is not None:
+        reasons[choice.index] = "chosen"
+    else:
+        reasons.setdefault(compromise(front).index, "compromise")
+    ordered = sorted(reasons.items())
+    return [
+        Highlight(index=index, colour=PAPER.accents[n % 4], reason=reason) for n, (index, reason) in enumerate(ordered)
+    ]
+
+
+def _draw_front(figure: Figure | SubFigure, front: Front, highlights: Sequence[Highlight]) -> None:
+    if len(front) == 0:
+        figure.text(0.5, 0.5, "no feasible point", ha="center", color=PAPER.quiet)
+    elif len(front.names) == 1:
+        _draw_values(figure.subplots(), front, highlights)
+    elif len(front.names) <= 3:
+        pairs = list(combinations(range(len(front.names)), 2))
+        for axes, pair in zip(np.atleast_1d(figure.subplots(1, len(pairs))), pairs, strict=True):
+            _draw_pair(axes, front, pair, highlights)
+    else:
+        _draw_parallel(figure.subplots(), front, highlights)
+
+
+def _draw_values(axes: Axes, front: Front, highlights: Sequence[Highlight]) -> None:
+    places = np.arange(len(front))
+    axes.plot(front.objectives[:, 0], places, color=PAPER.quiet, linestyle="none", marker="o", markersize=4)
+    for point in highlights:
+        value = front.objectives[point.index, 0]
+        axes.plot(value, point.index, color=point.colour, marker="o", markersize=8)
+        axes.annotate(f"{value:.4g}", (value, point.index), (0, 9), textcoords="offset points", ha="center")
+    axes.set(xlabel=label(front, 0), ylabel="point", yticks=places, yticklabels=[str(number) for number in front.ids])
+    axes.margins(0.2)
+
+
+def _draw_pair(axes: Axes, front: Front, pair: tuple[int, int], highlights: Sequence[Highlight]) -> None:
+    x, y = front.objectives[:, pair[0]], front.objectives[:, pair[1]]
+    axes.plot(x, y, color=PAPER.quiet, linestyle="none", marker="o", markersize=3.6, markeredgewidth=0)
+    if front.jumps is not None:
+        first_rows = [i + 1 for i, each in enumerate(pairwise(front.ids.tolist())) if each in front.jumps]
+        for rows in np.split(np.arange(len(front)), first_rows):
+            axes.plot(x[rows], y[rows], color=PAPER.quiet, linewidth=0.8, zorder=1)
+    if front.jumps:
+        draw_jumps(axes, front)
+        axes.legend(frameon=False, loc="upper right")
+    for point in highlights:
+        spot = (x[point.index], y[point.index])
+        axes.plot(*spot, color=point.colour, marker="o", markersize=7.5, markeredgecolor="white")
+    axes.set(xlabel=label(front, pair[0]), ylabel=label(front, pair[1]))
+    axes.locator_params(nbins=5)
+    axes.margins(0.09)
+    named = [NamedPoint(row=each.index, name=str(front.ids[each.index]), colour=each.colour) for each in highlights]
+    name_points(axes, np.stack([x, y], axis=1), named)
+
+
+def _draw_parallel(axes: Axes, front: Front, highlights: Sequence[Highlight]) -> None:
+    """Draw a line a point across an axis an objective, the best value of each at the bottom."""
+    places = np.arange(len(front.names))
+    axes.plot(places, front.shares.T, color=PAPER.quiet, alpha=0.35, linewidth=0.8)
+    for point in highlights:
+        shares = front.shares[point.index]
+        axes.plot(
+            places, shares, color=point.colour, linewidth=2.2, label=f"point {front.ids[point.index]}, {point.reason}"
+        )
+    low, high = np.where(front.maximised, front.ranges.T[::-1], front.ranges.T)
+    for place, best, worst in zip(places, low, high, strict=True):
+        axes.annotate(f"{best:.3g}", (place, 0.0), (0, -11), textcoords="offset points", ha="center", color=PAPER.quiet)
+        axes.annotate(f"{worst:.3g}", (place, 1.0), (0, 5), textcoords="offset points", ha="center", color=PAPER.quiet)
+    axes.set_xticks(places, [label(front, axis) for axis in range(len(places))])
+    axes.set(ylabel="worst above, best below", yticks=[], ylim=(-0.02, 1.02))
+    axes.spines[["bottom", "left"]].set_visible(False)
+    axes.tick_params(axis="x", pad=14, length=0)
+    axes.grid(axis="y", visible=False)
+    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+
+
+def _draw_motions(figure: Figure | SubFigure, front: Front, highlights: Sequence[Highlight]) -> None:
+    assert front.motions is not None
+    motions = [front.motions[point.index] for point in highlights]
+    planar = motions[0].arm.is_planar
+    kind: Any = {"aspect": "equal"} if planar else {"projection": "3d"}
+    panels = figure.subplots(1, len(highlights), sharex=planar, sharey=planar, subplot_kw=kind)
+    for axes, point, motion in zip(np.atleast_1d(panels), highlights, motions, strict=True):
+        stroboscopic(axes, motion, colour=point.colour)
+        axes.set_title(f"point {front.ids[point.index]}, {_text(point.reason)}", color=point.colour)
+        axes.locator_params(nbins=4)
+        axes.set_xlabel("x [m]")
+        if not planar:
+            label_arm(axes, planar=False)
+    if planar:
+        np.atleast_1d(panels)[0].set_ylabel("y [m]")
+
+
+def _draw_joints(figure: Figure | SubFigure, front: Front, highlights: Sequence[Highlight]) -> None:
+    """Draw the joint positions of motions whose arm is not known."""
+    assert front.motions is not None
+    panels = np.atleast_1d(figure.subplots(1, len(highlights), sharex=True, sharey=True))
+    for axes, point in zip(panels, highlights, strict=True):
+        motion = front.motions[point.index]
+        for joint, positions in zip(motion.arm.joint_names, np.transpose(motion.q), strict=True):
+            axes.plot(motion.time, positions, label=_text(joint))
+        axes.set_title(f"point {front.ids[point.index]}, {_text(point.reason)}", color=point.colour)
+        axes.set_xlabel("time [s]")
+    panels[0].set_ylabel("joint position [rad or m]")
+    panels[-1].legend(frameon=False, fontsize="small")
+
+
+def _text(words: str) -> str:
+    """Escape dollar signs, which Matplotlib reads as mathematics."""
+    return words.replace("$", r"\$")
+
+
+# A picture of fronts side by side, with what runs of one method attain.
+
+
+MARKERS = "osD^vP*X"
+
+
+def comparison_picture(comparison: Comparison, file: Path | str) -> None:
+    """Write a PNG of fronts in one picture, a colour a label, with the hypervolume of each.
+
+    Of two objectives, labels with several runs get the surfaces that one run, half of them and all attain; more than
+    three objectives are parallel coordinates, the best of the merged front below. Raises InvalidInput where writing
+    fails.
+    """
+    n_obj = len(comparison.fronts[0].names)
+    wide = 9.6 if n_obj > 2 else 6.6
+    with picture(file, (wide, 4.2)) as figure:
+        if n_obj == 1:
+            _draw_compared_values(figure.subplots(), comparison)
+        elif n_obj > 3:
+            _draw_compared_parallel(figure.subplots(), comparison)
+        else:
+            pairs = list(combinations(range(n_obj), 2))
+            for axes, pair in zip(np.atleast_1d(figure.subplots(1, len(pairs))), pairs, strict=True):
+                _draw_compared_pair(axes, comparison, pair)
+        handles, names = figure.axes[0].get_legend_handles_labels()
+        figure.legend(handles, names, loc="outside lower center", ncols=2, frameon=False, fontsize=8)
+
+
+def _styles(comparison: Comparison) -> list[dict[str, Any]]:
+    """Return how each front is drawn, and what is said of it."""
+    order = list(comparison.groups)
+    styles = []
+    for place, (name, volume) in enumerate(zip(comparison.labels, comparison.hypervolume, strict=True)):
+        group = comparison.groups[name]
+        words = f"{name}: hypervolume {volume:.4f}"
+        if len(group) > 1:
+            words = f"{name}: {len(group)} runs, median hypervolume {np.median(comparison.hypervolume[group]):.4f}"
+        shape, colour = MARKERS[order.index(name) % len(MARKERS)], PAPER.accent(order.index(name))
+        styles.append({"color": colour, "marker": shape, "label": words if place == group[0] else None})
+    return styles
+
+
+def _draw_compared_pair(axes: Axes, comparison: Comparison, pair: tuple[int, int]) -> None:
+    for front, style in zip(comparison.fronts, _styles(comparison), strict=True):
+        x, y = front.objectives[:, pair[0]], front.objectives[:, pair[1]]
+        axes.plot(x, y, linestyle="none", markersize=4, markeredgewidth=0, alpha=0.75, **style)
+    if len(comparison.fronts[0].names) == 2:
+        _draw_surfaces(axes, comparison)
+    first = comparison.fronts[0]
+    axes.set(xlabel=label(first, pair[0]), ylabel=label(first, pair[1]))
+    axes.locator_params(nbins=5)
+    axes.margins(0.06)
+
+
+def _draw_surfaces(axes: Axes, comparison: Comparison) -> None:
+    """Draw for each label with several runs the surfaces that the best, the median and the worst attain."""
+    window = np.stack([np.ptp(values) * 0.06 for values in np.concatenate([f.objectives for f in comparison.fronts]).T])
+    ends = np.concatenate([front.minimised for front in comparison.fronts]).max(axis=0) + window
+    for name in (name for name, places in comparison.groups.items() if len(places) > 1):
+        colour = PAPER.accent(list(comparison.groups).index(name))
+        for (words, surface), line in zip(comparison.surfaces(name).items(), (":", "-", "--"), strict=True):
+            x, y = _staircase(comparison, surface, ends).T
+            text = f"{name}: {words} attainment"
+            axes.plot(x, y, linestyle=line, color=colour, linewidth=1.1, label=text, zorder=1)
+
+
+def _staircase(
+    comparison: Comparison, surface: Float[np.ndarray, "points 2"], ends: Float[np.ndarray, " 2"]
+) -> Float[np.ndarray, "corners 2"]:
+    """Return the border of what a surface of two objectives dominates, up to ``ends``, in the user's own sign."""
+    sign = np.where(comparison.fronts[0].maximised, -1.0, 1.0)
+    points = surface * sign
+    points = points[np.argsort(points[:, 0], kind="stable")]
+    x = np.repeat([*points[:, 0], ends[0]], 2)[:-1]
+    y = np.repeat([ends[1], *points[:, 1]], 2)[1:]
+    return np.stack([x, y], axis=1) * sign
+
+
+def _draw_compared_values(axes: Axes, comparison: Comparison) -> None:
+    for place, (front, style) in enumerate(zip(comparison.fronts, _styles(comparison), strict=True)):
+        axes.plot(front.objectives[:, 0], np.full(len(front), place), linestyle="none", markersize=6, **style)
+    axes.set(xlabel=label(comparison.fronts[0], 0), yticks=range(len(comparison.labels)))
+    axes.set_yticklabels([name.replace("$", r"\$") for name in comparison.labels])
+    axes.margins(0.2)
+
+
+def _draw_compared_parallel(axes: Axes, comparison: Comparison) -> None:
+    first = comparison.fronts[0]
+    places = np.arange(len(first.names))
+    for shares, style in zip(comparison.shares, _styles(comparison), strict=True):
+        lines = {"color": style["color"], "alpha": 0.35, "linewidth": 0.8}
+        axes.plot(places, shares.T, **lines)
+        axes.plot([], [], color=style["color"], label=style["label"])
+    axes.set_xticks(places, [label(first, axis) for axis in range(len(places))])
+    axes.set(ylabel="share of the merged front's range, best below")

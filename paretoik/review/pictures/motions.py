@@ -1,0 +1,225 @@
+"""A picture of a plan: the objective at starts and optima of every level, and the motions of the best optima."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from paretoik.capability.directional import PerformancePolygon
+from paretoik.front.front import Front
+from paretoik.resolution.protocol import ResolvedMotion
+from paretoik.review.palette import PAPER, joint_units
+from paretoik.review.pictures.fronts import label, label_arm, picture, stroboscopic
+from paretoik.review.recording.messages import PathEnd, PlannedLevel
+from paretoik.robot.kinematics import link_nodes
+from paretoik.task.limits import JOINT_UNITS
+from paretoik.task.task import error_unit
+from paretoik.trajectory.plan import Plan
+
+# A picture of a tool path: where it leads, how fast the tool is, how far from its target.
+
+
+def path_picture(path: PathEnd, file: Path | str) -> None:
+    """Write a PNG of a tool path; raises InvalidInput if the file cannot be written."""
+    planar = path.tool.shape[1] == 2
+    kind: Any = {"aspect": "equal"} if planar else {"projection": "3d"}
+    with picture(file, (10.0, 3.6)) as figure:
+        parts: Any = figure.subfigures(1, 2, width_ratios=[1.2, 1.0])
+        place, curves = parts
+        axes = place.subplots(subplot_kw=kind)
+        if path.reference is not None:
+            axes.plot(*path.reference.T, color=PAPER.quiet, linewidth=1.0, linestyle="--", label="reference")
+        axes.plot(*path.tool.T, color=PAPER.accents[0], linewidth=1.5, label="tool")
+        axes.plot(*path.tool[0][:, None], color=PAPER.ink, marker="o", linestyle="none", label="start")
+        axes.plot(*path.target[:, None], color=PAPER.accents[1], marker="s", linestyle="none", label="target")
+        axes.set(**{f"{name}label": f"{name} [m]" for name in "xyz"[: len(path.target)]})
+        axes.legend(frameon=False)
+        above, below = curves.subplots(2, 1, sharex=True)
+        above.plot(path.middles, path.speed, color=PAPER.accents[0], linewidth=1.2)
+        above.set_ylabel("tool speed [m/s]")
+        below.plot(path.times, path.distance, color=PAPER.accents[1], linewidth=1.2)
+        below.set(xlabel="time [s]", ylabel="distance to the target [m]")
+
+
+# A picture of a resolved motion: the arm beside the path that it was to follow, its joints, and its errors.
+
+
+def resolution_picture(motion: ResolvedMotion, criteria: list[str], file: Path | str) -> None:
+    """Write a PNG of a single motion; raises InvalidInput where the file cannot be written."""
+    planar = motion.arm.is_planar
+    with picture(file, (11.0, 3.6)) as figure:
+        parts: Any = figure.subfigures(1, 3, width_ratios=[1.2, 1.0, 1.0])
+        arm, joints, steps = parts
+        axes = arm.subplots(subplot_kw={"aspect": "equal"} if planar else {"projection": "3d"})
+        stroboscopic(axes, motion)
+        for task in motion.tasks:
+            path = task.path.positions[:, : 2 if planar else 3]
+            axes.plot(*path.T, color=PAPER.accents[0], linewidth=1.0, linestyle="--", label="wanted")
+        label_arm(axes, planar=planar)
+        axes.legend(frameon=False, loc="upper right")
+        axes = joints.subplots()
+        for j, (joint, name) in enumerate(zip(motion.q.T, motion.arm.joint_names, strict=True)):
+            axes.plot(motion.time, joint, color=PAPER.accent(j), linewidth=1.2, label=name)
+        axes.set(xlabel="time [s]", ylabel=f"joint position [{joint_units(motion.arm, JOINT_UNITS['position'])}]")
+        axes.legend(frameon=False)
+        above, below = steps.subplots(2, 1, sharex=True)
+        _draw_errors(above, motion)
+        _draw_criteria(below, motion, criteria)
+        below.set_xlabel("time [s]")
+
+
+def _draw_errors(axes: Axes, motion: ResolvedMotion) -> None:
+    """Draw the largest task error of every sample, and mark the steps that were not simply done."""
+    errors = np.abs(motion.traces.errors).max(axis=-1)
+    shown = np.maximum(errors, 1e-16)
+    axes.semilogy(motion.time, shown, color=PAPER.accents[1], linewidth=1.2)
+    for number, status in enumerate(sorted(set(motion.traces.status.tolist()) - {"done"})):
+        at = np.flatnonzero(motion.traces.status == status) + 1
+        axes.semilogy(
+            motion.time[at], shown[at], color=PAPER.accent(number + 2), linestyle="none", marker=".", label=status
+        )
+        axes.legend(frameon=False)
+    axes.set_ylabel(f"error [{error_unit(motion.tasks)}]")
+
+
+def _draw_criteria(axes: Axes, motion: ResolvedMotion, criteria: list[str]) -> None:
+    """Draw how fast each criterion drives the joints; without criteria the damping."""
+    if not criteria:
+        axes.plot(motion.time[1:], motion.traces.damping, color=PAPER.accents[1], linewidth=1.2)
+        axes.set_ylabel("damping")
+        return
+    for number, name in enumerate(criteria):
+        speed = np.linalg.norm(motion.traces.projected[:, number], axis=-1)
+        axes.plot(motion.time[1:], speed, color=PAPER.accent(number), linewidth=1.2, label=name)
+    axes.set_ylabel("joint speed from\ncriteria [rad/s]")
+    axes.legend(frameon=False)
+
+
+# A picture of directional maxima: the polygon, and the arm in some of the postures that reach it.
+
+
+def polygon_picture(polygon: PerformancePolygon, file: Path | str) -> None:
+    """Write a PNG of a polygon; raises InvalidInput where the file cannot be written."""
+    planar = polygon.arm.is_planar
+    kind: Any = {"aspect": "equal"} if planar else {"projection": "3d"}
+    size = 2 if planar else 3
+    solved = np.flatnonzero(np.isfinite(polygon.values))
+    unit = "m/s" if polygon.quantity == "velocity" else "N"
+    with picture(file, (9.0, 4.0)) as figure:
+        maxima, postures = figure.subplots(1, 2, subplot_kw=kind)
+        ends = polygon.vertices[solved]
+        for end in ends:
+            maxima.plot(*np.stack([np.zeros(size), end]).T, color=PAPER.quiet, linewidth=0.7)
+        outline = np.concatenate([ends, ends[:1]]) if planar and len(solved) > 2 else ends
+        maxima.plot(*outline.T, color=PAPER.accents[0], marker="o", markersize=3.5, linestyle="-" if planar else "none")
+        names = ("x", "y", "z")[:size]
+        kinds = "speed" if polygon.quantity == "velocity" else "force"
+        maxima.set(**{f"{name}label": f"{kinds} along {name} [{unit}]" for name in names})
+        links = link_nodes(polygon.arm, polygon.q[solved])[..., :size]
+        for line in links:
+            postures.plot(*line.T, color=PAPER.ink, alpha=0.25, linewidth=1.3)
+        if len(solved):
+            best = int(np.argmax(polygon.values[solved]))
+            postures.plot(*links[best].T, color=PAPER.accents[1], linewidth=2.0)
+            postures.set_title("posture of the greatest maximum", color=PAPER.accents[1])
+        postures.plot(*polygon.position[:, None], color=PAPER.accents[0], marker="o")
+        postures.set(**{f"{name}label": f"{name} [m]" for name in names})
+
+
+# A picture of a closed loop: its motion, its joints, and the chosen point of every step's front.
+
+
+def loop_picture(motion: Any, values: np.ndarray, ranges: np.ndarray, front: Front, file: Path | str) -> None:
+    """Write a PNG of a closed loop's ``motion``, and of the values chosen between each step's best and worst.
+
+    ``values`` (steps, n_obj) and ``ranges`` (steps, n_obj, 2: best, worst) are in the objectives' own signs; ``front``
+    has their names and units. Raises InvalidInput where the file cannot be written.
+    """
+    with picture(file, (11.0, 3.6)) as figure:
+        parts: Any = figure.subfigures(1, 3, width_ratios=[1.2, 1.0, 1.2])
+        arm, joints, chosen = parts
+        planar = motion.arm.is_planar
+        axes = arm.subplots(subplot_kw={"aspect": "equal"} if planar else {"projection": "3d"})
+        stroboscopic(axes, motion)
+        label_arm(axes, planar=planar)
+        axes = joints.subplots()
+        for j, (joint, name) in enumerate(zip(motion.q.T, motion.arm.joint_names, strict=True)):
+            axes.plot(motion.time, joint, color=PAPER.accent(j), linewidth=1.2, label=name)
+        axes.set(xlabel="time [s]", ylabel=f"joint position [{joint_units(motion.arm, JOINT_UNITS['position'])}]")
+        axes.legend(frameon=False)
+        rows = np.atleast_1d(chosen.subplots(values.shape[1], 1, sharex=True))
+        for axis, axes in enumerate(rows):
+            low, high = np.sort(ranges[:, axis], axis=1).T
+            axes.fill_between(motion.time[1:], low, high, color=PAPER.quiet, alpha=0.3, linewidth=0)
+            axes.plot(motion.time[1:], values[:, axis], color=PAPER.accents[1], linewidth=1.2)
+            if low.min() > 0:
+                axes.set_yscale("log")
+            axes.set_ylabel(label(front, axis), fontsize=8)
+        rows[0].set_title("chosen, within the front of each step")
+        rows[-1].set_xlabel("time [s]")
+
+
+def plan_picture(plan: Plan, levels: Sequence[PlannedLevel], label: str, unit: str, file: Path | str) -> None:
+    """Write a PNG of a plan whose objective has a ``label`` and a ``unit``.
+
+    Raises InvalidInput where the file cannot be written.
+    """
+    optima = plan.optima[: PAPER.motions]
+    planar = optima[0].motion.arm.is_planar
+    with picture(file, (11.0, 3.4)) as figure:
+        parts: Any = figure.subfigures(1, 2, width_ratios=[1.0, 2.0])
+        values, motions = parts
+        _draw_levels(values.subplots(), plan, levels, label)
+        kind: Any = {"aspect": "equal"} if planar else {"projection": "3d"}
+        panels = np.atleast_1d(motions.subplots(1, len(optima), sharex=planar, sharey=planar, subplot_kw=kind))
+        for rank, (axes, optimum) in enumerate(zip(panels, optima, strict=True)):
+            stroboscopic(axes, optimum.motion, colour=PAPER.accent(rank))
+            name = "best" if rank == 0 else f"optimum {rank}"
+            axes.set_title(f"{name}: {optimum.objective:.4g} {unit}".rstrip(), color=PAPER.accent(rank))
+            axes.locator_params(nbins=4)
+            axes.set_xlabel("x [m]")
+            if not planar:
+                label_arm(axes, planar=False)
+        if planar:
+            panels[0].set_ylabel("y [m]")
+
+
+def _draw_levels(axes: Axes, plan: Plan, levels: Sequence[PlannedLevel], label: str) -> None:
+    """Draw the objective at the optima of every level, and at its starts as far as these are near."""
+    for level in levels:
+        axes.plot(
+            np.full(len(level.starts), level.samples),
+            level.starts,
+            color=PAPER.grid,
+            linestyle="none",
+            marker="o",
+            markersize=2.5,
+            zorder=1,
+            label="starts" if level is levels[-1] else None,
+        )
+        axes.plot(
+            np.full(len(level.optima), level.samples),
+            level.optima,
+            color=PAPER.quiet,
+            linestyle="none",
+            marker="o",
+            markersize=4,
+            label="distinct optima" if level is levels[-1] else None,
+        )
+    samples = len(plan.best.motion.time)
+    for rank, optimum in enumerate(plan.optima[: PAPER.motions]):
+        size = 7 + 4 * (len(plan.optima[: PAPER.motions]) - 1 - rank)  # where they are one, each is a ring
+        axes.plot(
+            samples, optimum.objective, color=PAPER.accent(rank), marker="o", markersize=size, markeredgecolor="w"
+        )
+    values = np.concatenate([[each.objective for each in plan.optima], *(level.optima for level in levels)])
+    low, high = float(values.min()), float(values.max())
+    margin = 0.15 * (high - low) or 0.05 * abs(high) or 1.0
+    axes.set(xlabel="samples of the level", ylabel=label, ylim=(low - margin, high + margin))
+    axes.set_xticks(sorted({samples, *(level.samples for level in levels)}))
+    if levels:
+        axes.legend(frameon=False)

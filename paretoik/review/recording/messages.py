@@ -1,0 +1,459 @@
+"""A point of a front as it is recorded: its objectives, what is said of it, and its motion as plain arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import numpy as np
+from jaxtyping import Float, Int, Shaped
+
+from paretoik.arrays import Times, Values
+from paretoik.capability.directional import PerformancePolygon
+from paretoik.capability.joint_capability import Quantity, joint_speeds, torque_capacity
+from paretoik.formulations.protocol import task_of
+from paretoik.front.choice import Choice
+from paretoik.front.front import Front
+from paretoik.front.preferences.compromise import best_rows
+from paretoik.resolution.protocol import ResolvedMotion
+from paretoik.review.palette import DRAWING, even_rows
+from paretoik.robot.arm import Arm
+from paretoik.robot.dynamics import gravity_torques
+from paretoik.robot.kinematics import link_nodes
+from paretoik.task.limits import LIMITED, Bounds, Limits
+from paretoik.task.motion import Motion
+from paretoik.task.obstacles import Obstacle, clearance
+from paretoik.task.sampling import Differences
+
+# The workcell: what of a problem is drawn around its motions, as plain data that can be sent to another process.
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Workcell:
+    """An arm and what is around it.
+
+    ``paths`` are those that frames of the arm must follow, each (time, 3) [m]; ``places`` (3,) [m] others that count,
+    by name; ``directions`` (directions, 3) unit vectors that begin at the first place. ``bounds`` are limits by kind,
+    (1 or time, dof, 2), those that vary at ``times`` [s]; ``link_radius`` [m] is that of every link. ``differences``,
+    ``cyclic`` and ``ends_at_rest`` are those of its motions.
+    """
+
+    arm: Arm
+    paths: tuple[Float[np.ndarray, "time 3"], ...] = ()
+    places: Mapping[str, Float[np.ndarray, " 3"]] = field(default_factory=dict)
+    directions: Float[np.ndarray, "directions 3"] = field(default_factory=lambda: np.zeros((0, 3)))
+    obstacles: tuple[Obstacle, ...] = ()
+    link_radius: float = 0.0
+    bounds: Mapping[str, Bounds] = field(default_factory=dict)
+    times: Times = field(default_factory=lambda: np.zeros(0))
+    differences: Differences = "backward"
+    cyclic: bool = False
+    ends_at_rest: bool = False
+
+
+def workcell_of(problem: Any) -> Workcell | None:
+    """Return the workcell of a formulation, None of a problem without an arm."""
+    task = task_of(problem)
+    if task is not None:
+        return Workcell(
+            arm=task.arm,
+            paths=tuple(_in_space(each.path.positions) for each in task.tasks),
+            obstacles=tuple(task.obstacles),
+            link_radius=float(task.link_radius),
+            bounds=task.bounds,
+            times=task.times,
+            differences=task.differences,
+            cyclic=task.cyclic,
+            ends_at_rest=task.ends_at_rest,
+        )
+    arm = getattr(problem, "arm", None)
+    if not isinstance(arm, Arm):
+        return None
+    places = {name: np.asarray(getattr(problem, name, ())) for name in ("position", "start", "target")}
+    return Workcell(
+        arm=arm,
+        places={name: _in_space(place) for name, place in places.items() if place.shape in ((2,), (3,))},
+        directions=_in_space(np.asarray(getattr(problem, "directions", np.zeros((0, 3))))),
+        bounds=Limits(velocity=np.inf, torque=np.inf).bounds(arm, 1),
+    )
+
+
+def workcell_of_front(front: Front) -> Workcell | None:
+    """Return the workcell of a front's problem, of one without a problem its arm alone; None without an arm."""
+    cell = workcell_of(front.problem)
+    if cell is None and isinstance(front.motions, Motion):
+        return Workcell(arm=front.motions.arm)
+    return cell
+
+
+def _in_space(points: np.ndarray) -> np.ndarray:
+    """Return points (..., 2 or 3) with all three coordinates."""
+    padding = [(0, 0)] * (points.ndim - 1) + [(0, 3 - points.shape[-1])]
+    return np.pad(np.asarray(points, dtype=float), padding)
+
+
+# What is recorded of a tool path: where the tool is when, and where it should be.
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PathScene:
+    """The scene of a tool path from ``start`` to ``target`` (task,) [m]; ``title`` says of what it is."""
+
+    drawn_by: ClassVar[str] = "paretoik.review.drawing.whole_recording:WholeRecording"
+    finished_by: ClassVar[str] = "paretoik.review.drawing.path_drawing:FinishedPath"
+    title: str
+    start: Float[np.ndarray, " task"]
+    target: Float[np.ndarray, " task"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PathEnd:
+    """Positions of the ``tool`` [m] at ``times`` [s], the ``reference`` that it follows, if any, and its ``target``.
+
+    ``provenance`` is that of the run.
+    """
+
+    times: Times
+    tool: Float[np.ndarray, "n task"]
+    reference: Float[np.ndarray, "n task"] | None
+    target: Float[np.ndarray, " task"]
+    provenance: Mapping[str, Any]
+
+    @property
+    def middles(self) -> Times:
+        """Times in the middle between samples [s]."""
+        return (self.times[1:] + self.times[:-1]) / 2
+
+    @property
+    def speed(self) -> Float[np.ndarray, " _"]:
+        """Mean speed of the tool between samples [m/s]; 0 if it stays where it is."""
+        way, steps = np.linalg.norm(np.diff(self.tool, axis=0), axis=1), np.diff(self.times)
+        return np.divide(way, steps, out=np.zeros_like(way), where=steps > 0)
+
+    @property
+    def distance(self) -> Float[np.ndarray, " n"]:
+        """Distance of the tool from its target [m]."""
+        return np.asarray(np.linalg.norm(self.tool - self.target, axis=1))
+
+
+# What is recorded of directional maxima: the polygon, and how each of its corners is reached.
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MaximaScene:
+    """The scene of directional maxima: where their postures are drawn, and what is maximised."""
+
+    drawn_by: ClassVar[str] = "paretoik.review.drawing.whole_recording:WholeRecording"
+    finished_by: ClassVar[str] = "paretoik.review.drawing.maxima_drawing:FinishedMaxima"
+    workcell: Workcell
+    quantity: Quantity
+
+    @property
+    def unit(self) -> str:
+        """Unit of the maxima."""
+        return "m/s" if self.quantity == "velocity" else "N"
+
+    @property
+    def word(self) -> str:
+        """What the maxima are of."""
+        return "speed" if self.quantity == "velocity" else "force"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MaximaEnd:
+    """The arrays of a polygon, as ``PerformancePolygon`` has them, and the ``provenance`` of its run.
+
+    ``lower`` and ``upper`` (directions, dof) are what the motors let joints do in each posture: speeds [rad/s, m/s], or
+    torques [N m, N].
+    """
+
+    directions: Float[np.ndarray, "directions task"]
+    values: Float[np.ndarray, " directions"]
+    q: Float[np.ndarray, "directions dof"]
+    dq: Float[np.ndarray, "directions dof"]
+    torque: Float[np.ndarray, "directions dof"]
+    motor_speeds: Float[np.ndarray, "directions motors dof"]
+    motor_efforts: Float[np.ndarray, "directions motors dof"]
+    sliders: Float[np.ndarray, "directions 2 dof"] | None
+    lower: Float[np.ndarray, "directions dof"]
+    upper: Float[np.ndarray, "directions dof"]
+    provenance: Mapping[str, Any]
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+
+def maxima_end(polygon: PerformancePolygon, provenance: Mapping[str, Any]) -> MaximaEnd:
+    """Return a polygon as it is recorded."""
+    if polygon.quantity == "velocity":
+        speeds = joint_speeds(polygon.actuation, polygon.q, gravity_torques(polygon.arm, polygon.q))
+        lower, upper = speeds.low, speeds.high
+    else:
+        capacity, _ = torque_capacity(polygon.actuation, polygon.q)
+        lower, upper = -capacity, capacity
+    return MaximaEnd(
+        directions=polygon.directions,
+        values=polygon.values,
+        q=polygon.q,
+        dq=polygon.dq,
+        torque=polygon.torque,
+        motor_speeds=polygon.motor_speeds,
+        motor_efforts=polygon.motor_efforts,
+        sliders=polygon.sliders,
+        lower=lower,
+        upper=upper,
+        provenance=provenance,
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RecordedMotion:
+    """A motion as plain arrays: joint positions ``q`` (time, dof) at ``time`` (time,) [s].
+
+    ``curves`` are joint quantities (time, dof) by kind of limit, in rad, s, N m and W, None where they are
+    those of a ``Motion`` through these samples.
+    """
+
+    time: Times
+    q: Float[np.ndarray, "time dof"]
+    curves: Mapping[str, Float[np.ndarray, "time dof"]] | None = None
+
+    @property
+    def is_standing(self) -> bool:
+        """Whether the arm stands still."""
+        return not np.ptp(self.q, axis=0).any()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RecordedPoint:
+    """A point that is drawn for itself: the chosen one, or the best of an objective, whose ``axis`` it then has.
+
+    ``motion`` is None where there is none, or where it was not decoded to save time.
+    """
+
+    id: int
+    objectives: Values
+    axis: int | None = None
+    motion: RecordedMotion | None = None
+
+
+def record_motion(motion: Any, *, curves: bool, samples: int | None = None) -> RecordedMotion | None:
+    """Return a single motion as plain arrays, with the curves of its joints or without.
+
+    Of more than so many ``samples`` evenly spaced ones are taken. None of what is no motion of an arm.
+    """
+    if not isinstance(motion, Motion):
+        return None
+    count = len(motion.time)
+    rows = even_rows(count, count if samples is None else samples)
+    kinds = {kind: np.array(getattr(motion, name)[rows]) for kind, name in LIMITED.items()} if curves else None
+    return RecordedMotion(time=np.array(motion.time[rows]), q=np.array(motion.q[rows]), curves=kinds)
+
+
+def joint_curves(cell: Workcell, motion: RecordedMotion) -> Mapping[str, np.ndarray]:
+    """Return the joint quantities (time, dof) of a motion by kind of limit."""
+    if motion.curves is not None:
+        return motion.curves
+    full = Motion(
+        arm=cell.arm,
+        time=motion.time,
+        q=motion.q,
+        differences=cell.differences,
+        cyclic=cell.cyclic,
+        ends_at_rest=cell.ends_at_rest,
+    )
+    return {kind: np.asarray(getattr(full, name)) for kind, name in LIMITED.items()}
+
+
+# The end of a search as points that are drawn for themselves: the choice, and the best of every objective.
+
+
+def end_points(front: Front, choice: Choice | None) -> tuple[RecordedPoint, ...]:
+    """Return the best points of a front's objectives, and its choice if there is one, with their motions."""
+    if not len(front):
+        return ()
+    rows = best_rows(front.minimised, front.ids) if len(front.names) > 1 else []
+    ends = tuple(front_point(front, row, axis=axis) for axis, row in enumerate(rows))
+    return ends if choice is None else (*ends, chosen_point(choice))
+
+
+def front_point(front: Front, row: int, *, axis: int | None = None) -> RecordedPoint:
+    """Return a row of a front as a point, the best one of an objective where ``axis`` is given."""
+    motion = None if front.motions is None else record_motion(front.motions[row], curves=axis is None)
+    return RecordedPoint(id=int(front.ids[row]), objectives=front.objectives[row], axis=axis, motion=motion)
+
+
+def chosen_point(choice: Choice) -> RecordedPoint:
+    """Return a choice as a point."""
+    return RecordedPoint(id=choice.id, objectives=choice.objectives, motion=record_motion(choice.motion, curves=True))
+
+
+# What is recorded where nothing is feasible: what comes nearest to it, and what that breaks.
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LeastViolating:
+    """The individual or motion that breaks the constraints of a problem least, where none keeps them all.
+
+    ``broken`` are those that it breaks, each by how much; at the end of a run there are the ``reason`` why it has no
+    result, and what breaks least as a ``point``, None where there is no motion.
+    """
+
+    broken: tuple[str, ...]
+    reason: str = ""
+    point: RecordedPoint | None = None
+
+
+# What is recorded and drawn of a plan: its levels, and its optima.
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlannedMotions:
+    """The motions of a level, at ``time`` [s]: those that it started from, what they led to, and the distinct optima.
+
+    ``optimum`` is the optimum that each start led to, by its place, −1 where it led to none of them.
+    """
+
+    time: Times
+    starts: Float[np.ndarray, "starts time dof"]
+    ends: Float[np.ndarray, "starts time dof"]
+    optima: Float[np.ndarray, "optima time dof"]
+    optimum: Int[np.ndarray, " starts"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlannedLevel:
+    """A level of ``samples`` that is done, the ``number``-th from 0: the objective of its starts, and of its optima.
+
+    Values are in the objective's own sign, of the optima best first; ``ends`` are those of what the starts led to, NaN
+    where that is no optimum. Where no motion of the level keeps all limits, its optima are the least-violating ones,
+    and ``least_violating`` says what the first of them breaks.
+    """
+
+    number: int
+    samples: int
+    starts: Float[np.ndarray, " starts"]
+    ends: Float[np.ndarray, " starts"]
+    optima: Float[np.ndarray, " optima"]
+    motions: PlannedMotions
+    least_violating: LeastViolating | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlannedScene:
+    """The scene of a plan: its objective's name, unit and sense, and where its motions are drawn."""
+
+    drawn_by: ClassVar[str] = "paretoik.review.drawing.whole_recording:WholeRecording"
+    finished_by: ClassVar[str] = "paretoik.review.drawing.plan_drawing:FinishedPlan"
+    name: str
+    unit: str
+    maximised: bool
+    workcell: Workcell
+    timeline: str = "level"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlannedOptimum:
+    """An optimum of a plan as a ``point``, whose id is its place, and what is said of it."""
+
+    point: RecordedPoint
+    branch: str
+    status: str
+    violation_between: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlanEnd:
+    """The optima of a plan, best first, and the ``provenance`` of its run.
+
+    Without an optimum, ``least_violating`` is the motion that comes nearest to keeping all limits.
+    """
+
+    optima: Sequence[PlannedOptimum] = ()
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+    least_violating: LeastViolating | None = None
+
+
+# What is recorded of motions that a method resolved: each with what happened at every step.
+
+
+NO_OBJECTIVES = np.zeros(0)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ResolvedScene:
+    """The scene of resolved motions: where they are drawn, the method by its name, and its criteria by theirs.
+
+    ``tolerance`` is the error at which the path counts as lost, ``error_unit`` that of both; ``min_clearance`` [m] is
+    what links are to keep.
+    """
+
+    drawn_by: ClassVar[str] = "paretoik.review.drawing.whole_recording:WholeRecording"
+    finished_by: ClassVar[str] = "paretoik.review.drawing.resolution_drawing:FinishedResolution"
+    workcell: Workcell
+    method: str
+    criteria: tuple[str, ...]
+    tolerance: float
+    error_unit: str
+    min_clearance: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RecordedTraces:
+    """A resolved motion as a ``point``, its id the place in its batch, and what its method did.
+
+    ``error`` is the largest at each sample, ``clearance`` [m] None without obstacles. Over each step to the sample
+    after it: ``speed``, the length of the commanded joint velocities, ``damping``, ``repulsion``, the length of the
+    velocities away from limits, ``criteria`` those of each criterion, and ``status`` in a word.
+    """
+
+    name: str
+    point: RecordedPoint
+    error: Float[np.ndarray, " time"]
+    clearance: Float[np.ndarray, " time"] | None
+    speed: Float[np.ndarray, " steps"]
+    damping: Float[np.ndarray, " steps"]
+    repulsion: Float[np.ndarray, " steps"]
+    criteria: Float[np.ndarray, "steps criteria"]
+    status: Shaped[np.ndarray, " steps"]
+
+    @property
+    def time(self) -> Times:
+        """Times of the samples [s]."""
+        assert self.point.motion is not None
+        return self.point.motion.time
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ResolutionEnd:
+    """Resolved motions, at least one and maybe not all of ``count``, and the ``provenance`` of their run."""
+
+    motions: Sequence[RecordedTraces]
+    count: int
+    provenance: Mapping[str, Any]
+
+
+def record_traces(motion: ResolvedMotion) -> tuple[list[RecordedTraces], int]:
+    """Return the motions of a batch, evenly spread ones of many, and how many there are."""
+    batch = list(np.ndindex(motion.q.shape[:-2]))
+    places = even_rows(len(batch), DRAWING.walk).tolist()
+    return [_recorded(motion[batch[place]] if batch[place] else motion, place, batch[place]) for place in places], len(
+        batch
+    )
+
+
+def _recorded(motion: ResolvedMotion, place: int, index: tuple[int, ...]) -> RecordedTraces:
+    traces, obstacles = motion.traces, motion.obstacles
+    distance = clearance(obstacles, link_nodes(motion.arm, motion.q), motion.link_radius) if obstacles else None
+    return RecordedTraces(
+        name=f"motion {', '.join(map(str, index))}" if index else "the motion",
+        point=RecordedPoint(id=place, objectives=NO_OBJECTIVES, motion=record_motion(motion, curves=True)),
+        error=np.abs(traces.errors).max(axis=-1),
+        clearance=None if distance is None else np.asarray(distance),
+        speed=np.linalg.norm(traces.velocities, axis=-1),
+        damping=traces.damping,
+        repulsion=np.linalg.norm(traces.repulsion, axis=-1),
+        criteria=np.linalg.norm(traces.projected, axis=-1),
+        status=traces.status,
+    )

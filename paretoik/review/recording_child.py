@@ -1,0 +1,108 @@
+"""The process that records, started by ``recording_process``.
+
+It reads messages from stdin and answers on stdout, a line of JSON a message. It ends with its parent, by whatever
+death: then it completes the file with what it has.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import pickle
+import select
+import signal
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any
+
+from paretoik.review.recording.recorder import HEADER, OPTIONS, cause_of
+
+if TYPE_CHECKING:
+    from paretoik.review.recording.recording_file import RecordingFile
+
+
+class Parent:
+    """The run: what it sends, and what it is told."""
+
+    def __init__(self) -> None:
+        self._process = os.getppid()
+        self._input = os.dup(0)
+        self._answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
+        os.dup2(2, 1)  # what anybody prints is no answer
+        self._last_answer = 0.0
+
+    def messages(self) -> Iterator[tuple[str, Any, int] | None]:
+        """Yield kind, message and the parent's stride as they come, until the parent is gone.
+
+        Yield None when there was no message for a while.
+        """
+        part = bytearray()
+        while True:
+            if len(part) >= HEADER and len(part) >= HEADER + (length := int.from_bytes(part[:HEADER])):
+                content = bytes(part[HEADER : HEADER + length])
+                del part[: HEADER + length]
+                yield pickle.loads(content)
+                continue
+            if not select.select([self._input], [], [], OPTIONS.tick)[0]:
+                yield None
+                if os.getppid() != self._process:  # where a fork of the parent holds its end of the pipe
+                    return
+                continue
+            piece = os.read(self._input, 1 << 20)
+            if not piece:
+                return
+            part += piece
+
+    def tell(self, **answer: Any) -> None:
+        """Answer, if the parent still listens."""
+        self._last_answer = time.monotonic()
+        with suppress(OSError, ValueError):
+            print(json.dumps(answer), file=self._answers, flush=True)
+
+    def beat(self) -> None:
+        """Let the parent know now and then that work goes on."""
+        if time.monotonic() - self._last_answer > 4 * OPTIONS.tick:
+            self.tell()
+
+
+def main() -> None:
+    """Record what the parent sends until it ends the recording or ends itself."""
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):  # the run decides; it may want to finish the file
+        signal.signal(number, signal.SIG_IGN)
+    with suppress(OSError):
+        os.nice(OPTIONS.niceness)
+    parent = Parent()
+    try:
+        _record(parent)
+    except Exception as fault:
+        parent.tell(failed=cause_of(fault))
+        sys.exit(1)
+
+
+def _record(parent: Parent) -> None:
+    recording: RecordingFile | None = None
+    try:
+        for received in parent.messages():
+            if recording is not None:
+                recording.look_after()
+            if received is None:
+                continue
+            kind, message, stride = received
+            if kind == "open":
+                from paretoik.review.recording.recording_file import RecordingFile
+
+                recording = RecordingFile(message, parent)
+            elif recording is not None and kind == "record":
+                recording.record(message, stride)
+            elif recording is not None:
+                recording.complete(message, stride)
+                parent.tell(finished=True)
+                return
+            parent.tell(done=1, stride=1 if recording is None else recording.stride)
+        if recording is not None:  # the parent is gone
+            recording.complete(None)
+    finally:
+        if recording is not None:
+            recording.close()

@@ -1,0 +1,454 @@
+"""The report of a front: one page of HTML that needs nothing else and loads nothing."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from functools import cache, cached_property
+from importlib.resources import files
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from paretoik.arrays import Values
+from paretoik.formulations.protocol import task_of
+from paretoik.front.choice_tree import Choices
+from paretoik.front.front import Front
+from paretoik.front.points import flatten, take
+from paretoik.front.preferences.compromise import best_rows, compromise
+from paretoik.review.outlines import outline, wires
+from paretoik.review.palette import PAPER, objective_label
+from paretoik.runs.executor import computed_text
+from paretoik.runs.file_replacement import replace_file
+from paretoik.search.maximin import greedy_order
+from paretoik.task.limits import JOINT_UNITS, LIMITED
+from paretoik.task.motion import Motion
+
+# Motions as a report holds them: curves and arms in small blocks, one a point, as many as there is room for.
+
+
+STEPS = 65535  # of a channel's range: values are whole numbers of 16 bits
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ReportMotions:
+    """Motions of a front for a page: ``channels`` (points, channels, time), and what is drawn around them.
+
+    A channel is the time [s], a joint's position, velocity, acceleration, torque or power, or a coordinate of a node of
+    the arm. Motions whose arm is unknown have time and positions alone.
+    """
+
+    front: Front
+
+    @cached_property
+    def motions(self) -> Any:
+        """The motions of the front."""
+        return self.front.motions
+
+    @property
+    def has_arm(self) -> bool:
+        """Whether the arm is known, so that there are more than positions."""
+        return isinstance(self.motions, Motion)
+
+    @cached_property
+    def channels(self) -> Float[np.ndarray, "points channels time"]:
+        """Everything that changes with time."""
+        motions = self.motions
+        parts = [np.asarray(motions.time)[..., None], motions.q]
+        if self.has_arm:
+            parts += [getattr(motions, LIMITED[kind]) for kind in self.kinds[1:]]
+            parts.append(self._nodes.reshape(*self._nodes.shape[:2], -1))
+        return np.moveaxis(np.concatenate(parts, axis=-1), -1, 1)
+
+    @cached_property
+    def kinds(self) -> tuple[str, ...]:
+        """What is drawn of joints: torques and powers of an arm without masses are not, as they are 0."""
+        massless = not np.any(self.motions.torque)
+        return tuple(kind for kind in JOINT_UNITS if not (massless and kind in ("torque", "power")))
+
+    @cached_property
+    def _nodes(self) -> Float[np.ndarray, "points time nodes axes"]:
+        return np.asarray(self.motions.links[..., : 2 if self.motions.arm.is_planar else 3], dtype=float)
+
+    @cached_property
+    def _ranges(self) -> tuple[Float[np.ndarray, " channels"], Float[np.ndarray, " channels"]]:
+        low, high = self.channels.min(axis=(0, 2)), self.channels.max(axis=(0, 2))
+        return low, np.where(high > low, high - low, 1.0) / STEPS
+
+    def block(self, row: int) -> str:
+        """Return the channels of a point: steps of 16 bits from sample to sample, low bytes first, gzip, base64."""
+        low, step = self._ranges
+        whole = np.round((self.channels[row] - low[:, None]) / step[:, None]).astype(np.uint16)
+        changes = np.diff(whole, axis=1, prepend=np.uint16(0))  # modulo 2¹⁶, small where curves are smooth
+        planes = np.concatenate([(changes & 255).ravel(), (changes >> 8).ravel()]).astype(np.uint8)
+        return base64.b64encode(gzip.compress(planes.tobytes(), 9, mtime=0)).decode()
+
+    def blocks(self, rows: Sequence[int], room: int) -> dict[int, str]:
+        """Return the blocks of as many ``rows``, in turn, as fit in so many bytes, by the id of the point, in order."""
+        blocks: dict[int, str] = {}
+        for row in rows:
+            number, block = int(self.front.ids[row]), self.block(row)
+            room -= len(f'"{number}":"{block}",')
+            if room < 0:
+                break
+            blocks[number] = block
+        return {number: blocks[number] for number in self.front.ids.tolist() if number in blocks}
+
+    def description(self) -> dict[str, Any]:
+        """Return what the page must know to draw blocks: joints, quantities, limits, arm, path and obstacles."""
+        low, step = self._ranges
+        names = self.motions.arm.joint_names
+        described: dict[str, Any] = {
+            "joints": list(names),
+            "samples": self.channels.shape[2],
+            "low": _digits(low, 9),
+            "step": _digits(step, 9),
+            "standing": bool((np.ptp(self.motions.q, axis=1) == 0).all()),
+            "quantities": [{"name": "position", "units": ["rad or m"] * len(names)}],
+        }
+        if self.has_arm:
+            sliding = [kind == "prismatic" for kind in self.motions.arm.joint_types]
+            described["quantities"] = [
+                {"name": kind, "units": [JOINT_UNITS[kind][slides] for slides in sliding]} for kind in self.kinds
+            ]
+            described["limits"] = self._limits()
+            described["arm"] = self._arm()
+        return described
+
+    def _limits(self) -> dict[str, Any]:
+        """Return the limits of each kind: at what times, and of each joint the lower and the upper ones there."""
+        task = task_of(self.front.problem)
+        if task is None:
+            return {}
+        return {
+            kind: {
+                "times": _digits(task.times) if len(each) > 1 else None,
+                "lower": [_digits(joint) for joint in each[..., 0].T],
+                "upper": [_digits(joint) for joint in each[..., 1].T],
+            }
+            for kind, each in task.bounds.items()
+        }
+
+    def _arm(self) -> dict[str, Any]:
+        """Return the window, the paths and the obstacles of the arm's picture."""
+        motions, nodes = self.motions, self._nodes
+        planar, flat = motions.arm.is_planar, nodes.reshape(-1, nodes.shape[-1])
+        height = (float(flat[:, -1].min()), float(flat[:, -1].max()))
+        lines = [
+            line
+            for obstacle in motions.obstacles
+            for line in ([outline(obstacle)] if planar else wires(obstacle, height))
+            if line is not None
+        ]
+        paths = [np.asarray(task.path.positions)[:, : nodes.shape[-1]] for task in motions.tasks]
+        shown = np.concatenate([flat, *lines, *paths])
+        return {
+            "planar": planar,
+            "nodes": nodes.shape[2],
+            "radius": float(motions.link_radius),
+            "low": _digits(shown.min(axis=0)),
+            "high": _digits(shown.max(axis=0)),
+            "paths": [_lines(path) for path in paths if np.ptp(path, axis=0).any()],
+            "obstacles": [_lines(line) for line in lines],
+            "arrows": self._arrows(),
+        }
+
+    def _arrows(self) -> list[dict[str, Any]]:
+        """Return the directions along which objectives say how fast or strong a posture is."""
+        directions = getattr(self.front.problem, "directions", None)
+        if directions is None:
+            return []
+        return [{"axis": axis, "along": _digits(vector)} for axis, vector in enumerate(directions)]
+
+
+def _lines(points: np.ndarray) -> list[Any]:
+    return [_digits(point, 5) for point in points]
+
+
+def _digits(values: np.ndarray, digits: int = 6) -> list[float | None]:
+    """Return numbers to so many digits; None where they are not finite."""
+    return [float(f"{value:.{digits}g}") if np.isfinite(value) else None for value in np.asarray(values, dtype=float)]
+
+
+# The page of a report: what its script is told, its table, and the frame around them.
+
+
+SCRIPTS = ("page.js", "front.js", "curves.js", "arm.js", "start.js")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ReportPage:
+    """Some points of a report's front as a page: their ``rows`` in the order in which motions get room."""
+
+    report: Report
+    rows: Int[np.ndarray, " points"]
+
+    @property
+    def size_without_motions(self) -> int:
+        """The bytes of the page if no motion has room."""
+        return len(self._render({}).encode())
+
+    def render(self, room: int) -> str:
+        """Return the page with as many motions as fit into so many bytes."""
+        return self._render({} if self._motions is None else self._motions.blocks(self._order.tolist(), room))
+
+    @cached_property
+    def front(self) -> Front:
+        """The points of the page in the order of the front."""
+        return take(self.report.front, np.sort(self.rows))
+
+    @property
+    def _order(self) -> Int[np.ndarray, " points"]:
+        """The rows in the page's front."""
+        return np.searchsorted(np.sort(self.rows), self.rows)
+
+    @cached_property
+    def _marks(self) -> dict[int, str]:
+        """What the points of the page are marked as, by their id."""
+        ids, marks = self.report.front.ids, self.report.marks
+        return {int(ids[row]): marks[row] for row in self.rows.tolist() if row in marks}
+
+    @cached_property
+    def _motions(self) -> ReportMotions | None:
+        front = self.front
+        return ReportMotions(front=front) if front.motions is not None and len(front) else None
+
+    @cached_property
+    def _data(self) -> dict[str, Any]:
+        """What the script is told, except the motions themselves."""
+        front, steps, certificates = self.front, self.report.steps, self.front.certificates
+        return {
+            "objectives": [
+                {"name": name, "unit": unit, "maximised": maximised, "label": objective_label(name, unit, maximised)}
+                for name, unit, maximised in zip(front.names, front.units, front.maximised, strict=True)
+            ],
+            "ids": front.ids.tolist(),
+            "values": front.objectives.tolist(),
+            "shares": np.round(front.shares, 5).tolist(),
+            "ranges": front.ranges.tolist(),
+            "marks": {str(number): words for number, words in self._marks.items()},
+            "start": int(self.report.front.ids[self.rows[0]]) if len(self.rows) else None,
+            "status": None if certificates is None else certificates.status.tolist(),
+            "rates": None if certificates is None else _significant(certificates.exchange_intervals),
+            "branches": self._branches(),
+            "nearest": self.report.nearest,
+            "motions": None if self._motions is None else self._motions.description(),
+            "steps": None if steps is None else {
+                part.name: _significant(np.asarray(getattr(steps, part.name))) for part in fields(steps)
+            },
+            "colours": {"accents": PAPER.accents, "quiet": PAPER.quiet, "ink": PAPER.ink, "grid": PAPER.grid},
+        }  # fmt: skip
+
+    def _branches(self) -> list[list[int]] | None:
+        """Return the ids of each branch of optima of two objectives in order; None where jumps are not known."""
+        whole = self.report.front
+        jumps = whole.jumps
+        if jumps is None:
+            return None
+        branches: list[list[int]] = [whole.ids[:1].tolist()]
+        for pair in pairwise(whole.ids.tolist()):
+            if pair in jumps:
+                branches.append([])
+            branches[-1].append(pair[1])
+        on_page = set(self.front.ids.tolist())
+        return [[number for number in branch if number in on_page] for branch in branches]
+
+    def _render(self, blocks: Mapping[int, str]) -> str:
+        """Return the page with the motions of some points, by their id."""
+        front, whole = self.front, self.report.front
+        script = "\n".join(_page_file(name) for name in SCRIPTS)
+        return str(
+            _template().render(
+                title=self.report.title,
+                front=whole,
+                nearest=self.report.nearest,
+                rows=[self._table_row(row) for row in range(len(front))],
+                checks=self._check_heads(),
+                columns=[
+                    objective_label(*each) for each in zip(front.names, front.units, front.maximised, strict=True)
+                ],
+                notes=[line for note in self.report.notes for line in note.splitlines() if line],
+                choices=self.report.choices,
+                compromise=compromise(whole) if len(whole) > 1 else None,
+                left_out=len(whole) - len(front),
+                without_motion=[]
+                if self._motions is None
+                else [number for number in front.ids.tolist() if number not in blocks],
+                provenance=list(flatten({**whole.provenance, **_computed_by(whole.provenance)}).items()),
+                has_rates=front.certificates is not None and len(front.names) > 1,
+                style=_page_file("page.css"),
+                script=script,
+                hashes=[_hash(script), _hash(plotly_bundle())],
+                bundle=_packed_bundle(),
+                data=_embed({**self._data, "blocks": {str(number): block for number, block in blocks.items()}}),
+            )
+        )
+
+    @cached_property
+    def _checks(self) -> dict[str, tuple[str, Values]]:
+        """Return what is checked of every point, by the head of its column: what that means, and the values."""
+        violated = "worst of all limits at the samples, as a share of its range"
+        front, certificates = self.front, self.front.certificates
+        if certificates is None:
+            return {} if front.violation is None else {"violation": (violated, front.violation)}
+        between = "worst of all limits between the samples, as a share of its range"
+        critical = "improvement that all objectives can still gain at once, as shares of their ranges"
+        return {
+            "violation": (violated, certificates.violation),
+            "between samples": (between, certificates.violation_between),
+            "criticality": (critical, certificates.criticality),
+        } | {
+            f"error of {name}": (f"how far {name} is off its value on the motion's curve", errors)
+            for name, errors in zip(front.names, certificates.discretisation_error.T, strict=True)
+            if np.isfinite(errors).any()
+        }
+
+    def _check_heads(self) -> list[tuple[str, str]]:
+        heads = [(name, meaning) for name, (meaning, _) in self._checks.items()]
+        certified = self.front.certificates is not None
+        return [*heads, *[("certificate", "what a point is, locally")] * certified]
+
+    def _table_row(self, row: int) -> dict[str, Any]:
+        front = self.front
+        cells = [f"{value:.6g}" for value in front.objectives[row]]
+        cells += [_size(values[row]) for _, values in self._checks.values()]
+        status, reason = "", ""
+        if front.certificates is not None:
+            status, reason = str(front.certificates.status[row]), str(front.certificates.reason[row])
+        number = int(front.ids[row])
+        return {"id": number, "cells": cells, "status": status, "reason": reason, "mark": self._marks.get(number, "")}
+
+
+def _computed_by(provenance: Mapping[str, Any]) -> dict[str, str]:
+    """Return who computed a run in words, by the name of that entry; nothing where it has none."""
+    return {"computed": computed_text(provenance["computed"])} if "computed" in provenance else {}
+
+
+@cache
+def plotly_bundle() -> str:
+    """Return Plotly's JavaScript."""
+    from plotly.offline import get_plotlyjs
+
+    return str(get_plotlyjs())
+
+
+@cache
+def _packed_bundle() -> str:
+    """Return Plotly's JavaScript, gzip and base64: two fifths of its size, so that motions have room."""
+    return base64.b64encode(gzip.compress(plotly_bundle().encode(), 9, mtime=0)).decode()
+
+
+@cache
+def _page_file(name: str) -> str:
+    return files("paretoik.review.report").joinpath("page", name).read_text(encoding="utf-8")
+
+
+@cache
+def _template() -> Any:
+    from jinja2 import Environment, StrictUndefined
+
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    return environment.from_string(_page_file("page.html"))
+
+
+def _hash(script: str) -> str:
+    """Return what lets a browser run this script and no other (Content Security Policy, level 2)."""
+    return "sha256-" + base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+
+
+def _embed(data: Mapping[str, Any]) -> str:
+    """Return JSON that no HTML parser can leave: "<" is written as JSON writes other characters."""
+    text = json.dumps(data, allow_nan=False, separators=(",", ":"), ensure_ascii=False)
+    return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
+
+
+def _size(value: float) -> str:
+    return "0" if value == 0 else f"{value:.1e}" if np.isfinite(value) else "unknown"
+
+
+def _significant(values: np.ndarray) -> Any:
+    """Return nested numbers to 5 digits, None where they are not finite."""
+    rounded = [float(f"{value:.5g}") if np.isfinite(value) else None for value in values.ravel()]
+    return np.array(rounded, dtype=object).reshape(values.shape).tolist()
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReportOptions:
+    """The most bytes of a page, and the most points that it lists and draws.
+
+    Where there is no room for so many, there are fewer; at least one point and the script are on every page.
+    """
+
+    size: int = 5_000_000
+    points: int = 2_000
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Steps:
+    """What a closed loop chose at every step: times (steps,), and (steps, n_obj) the chosen, best and worst values."""
+
+    times: Values
+    chosen: np.ndarray
+    best: np.ndarray
+    worst: np.ndarray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Report:
+    """What a page is made of: a front, choices kept in its run, sentences about it, steps of a closed loop.
+
+    ``nearest`` says that the only point of the front is none: it comes nearest to being feasible where nothing is.
+    """
+
+    front: Front
+    title: str
+    choices: Choices = field(default_factory=Choices)
+    notes: Sequence[str] = ()
+    steps: Steps | None = None
+    nearest: bool = False
+    options: ReportOptions = field(default_factory=ReportOptions)
+
+    def write(self, file: Path) -> None:
+        """Write the page; raises InvalidInput where that fails."""
+        replace_file(file, self.page().encode())
+
+    def page(self) -> str:
+        """Return the page; the same report makes the same page."""
+        count = min(self.options.points, len(self.front))
+        while True:
+            page = ReportPage(report=self, rows=self._rows(count))
+            room = self.options.size - page.size_without_motions
+            if room >= 0 or count <= 1:
+                return page.render(room)
+            count //= 2
+
+    def _rows(self, count: int) -> Int[np.ndarray, " points"]:
+        """Return the rows of so many points: those marked first, then each next one far from all before (MaxiMin)."""
+        front, first = self.front, (list(self.marks) or [0])[:count]
+        return greedy_order(front.shares, count, np.full(len(front), np.inf), first)[0]
+
+    @cached_property
+    def marks(self) -> dict[int, str]:
+        """Return the rows that are marked, and as what: chosen, best of an objective, compromise."""
+        front = self.front
+        if self.nearest:
+            return dict.fromkeys(range(len(front)), "least-violating, not feasible")
+        marks: dict[int, list[str]] = {}
+        rows = {number: row for row, number in enumerate(front.ids.tolist())}
+        chosen = self.choices.chosen
+        others = [entry for entry in reversed(self.choices.entries) if entry is not chosen]
+        for entry, words in ((chosen, "chosen"), *((each, "chosen once") for each in others)):
+            if entry is not None and entry.point in rows:
+                marks.setdefault(rows[entry.point], []).append(words)
+        if len(front) > 1:
+            marks.setdefault(compromise(front).index, []).append("compromise")
+            for row, name in zip(best_rows(front.minimised, front.ids), front.names, strict=True):
+                marks.setdefault(row, []).append(f"best {name}")
+        return {row: ", ".join(dict.fromkeys(words)) for row, words in marks.items()}

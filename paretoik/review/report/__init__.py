@@ -1,1 +1,0 @@
-"""The report of a front: one page of HTML."""

@@ -1,0 +1,120 @@
+"""What is said of a run: its problem and settings, why it ended, and what it took."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from paretoik.formulations.protocol import is_loop, task_of
+from paretoik.front.front import Front
+from paretoik.runs.executor import computed_text
+from paretoik.task.motion import Motion
+
+# What pictures and summaries say of limits that motions of a front exceed between their samples.
+
+
+def describe_limits_between(front: Front, rows: Sequence[int] | None = None) -> str:
+    """Return which limit, at which joint and time, motions violate most between samples, and what helps.
+
+    "" where none does, or the problem cannot say it; ``rows`` are those of the points that are looked at, else all.
+    """
+    motions, task = front.motions, task_of(front.problem)
+    if task is None or not isinstance(motions, Motion) or is_loop(front):
+        return ""
+    message = task.describe_between(motions if rows is None else motions[np.asarray(rows, dtype=int)])
+    return f"{message}, or refine" if message and front.certificates is None else message
+
+
+SETTINGS = {  # those that are told, by name, in words
+    "population": "population",
+    "generations": "generations",
+    "seed": "seed",
+    "points": "points of the front",
+    "starts": "starts",
+    "refine": "refine",
+    "solver": "solver",
+    "weights": "weights",
+    "warm_start": "warm start",
+}
+COUNTS = {  # what a run took, one and many of it
+    "generations": ("generation", "generations"),
+    "evaluations": ("evaluation", "evaluations"),
+    "steps": ("step", "steps"),
+    "levels": ("bound ε", "bounds ε"),  # a recording has a level for every new point, too
+    "starts": ("start", "starts"),
+    "optima": ("optimum", "optima"),
+}
+ENDINGS = {  # what a status means; others are told as they are
+    "epsilon": "the sweep is complete",
+    "optima": "all starts were tried",
+    "refined": "all points were refined",
+    "resolved": "all steps were taken",
+    "maxima": "all directions were searched",
+    "path": "the path is complete",
+    "generations": "all generations were run",
+    "evaluations": "all evaluations that were allowed are spent",
+    "time limit": "the time limit was reached",
+    "stagnation": "the hypervolume hardly grew any more",
+    "target": "a point reached the target",
+    "end of the path": "the path was followed to its end",
+}
+
+
+def ending_words(status: str) -> str:
+    """Return why a run ended.
+
+    >>> ending_words("time limit"), ending_words("SIGINT")
+    ('the time limit was reached', 'ended by SIGINT')
+    """
+    return ENDINGS.get(status, f"ended by {status}")
+
+
+def run_text(provenance: Mapping[str, Any]) -> str:
+    """Return what is to be known of a run: its problem, settings, and how long it took; "" for nothing."""
+    counts, status = provenance.get("counts") or {}, provenance.get("status")
+    took = [counted(counts[name], *words) for name, words in COUNTS.items() if isinstance(counts.get(name), int)]
+    took += [f"{counts['seconds']:.4g} s"] if "seconds" in counts else []
+    heads = [f"- problem: {provenance['problem']}"] if provenance.get("problem") else []
+    heads += [f"- computed by {words}"] if (words := computed_text(provenance.get("computed"))) else []
+    heads += [f"- ended: {ENDINGS.get(str(status), status)}"] if status else []
+    if counts.get("failed"):
+        took.append(f"{counted(counts['failed'], 'evaluation')} failed, the first with: {counts['first_cause']}")
+    results = [f"- {counted(counts[name], 'point')} {name}" for name in ("converged", "improved") if name in counts]
+    lines = heads + _settings(provenance) + ([f"- took {', '.join(took)}"] if took else []) + results
+    return "## Run\n\n" + "\n".join(lines) if lines else ""
+
+
+def counted(number: int, one: str, many: str = "") -> str:
+    """Return a number of things in words."""
+    return f"{number} {one if number == 1 else many or one + 's'}"
+
+
+def _settings(provenance: Mapping[str, Any]) -> list[str]:
+    """Return the settings that a run had, a line each; of what it did not use none."""
+    settings = {name: value for name, value in (provenance.get("settings") or {}).items() if value is not None}
+    if settings.get("refine") is False:  # then nothing was solved
+        settings.pop("solver", None)
+    searched = "population" in settings  # an archive holds so many points at most, a sweep looks for so many
+    words = SETTINGS | ({"points": "points of the front, at most"} if searched else {})
+    words |= {"starts": "starts for every redundant degree"} if "optima" in (provenance.get("counts") or {}) else {}
+    return [f"- {words[name]}: {_setting_text(settings[name])}" for name in words if name in settings]
+
+
+def _setting_text(setting: object) -> str:
+    return {True: "yes", False: "no"}[setting] if isinstance(setting, bool) else str(setting)
+
+
+def named_unit(name: str, unit: str) -> str:
+    """Return the name of an objective, with [1] where its values have no unit to be told with."""
+    return name if unit else f"{name} [1]"
+
+
+def value_text(value: float, unit: str, *, digits: int = 4, sign: str = "-") -> str:
+    """Return a value to so many digits with its unit, if it has one; with the ``sign`` "+" gains have one, too.
+
+    >>> value_text(2.0, "J s", sign="+"), value_text(-0.5, "")
+    ('+2 J s', '-0.5')
+    """
+    return f"{value:{sign}.{digits}g} {unit}".rstrip()

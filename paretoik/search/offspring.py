@@ -1,0 +1,162 @@
+"""Offspring, compiled: tournaments, crossover by rows, one gene replaced (Marcos et al. 2012, section 4.1).
+
+A population stands in ``order``: place after place its row of ``genes``, with its ``fitness`` in a tournament by place.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from paretoik.compilation.numba_cache import compiled
+from paretoik.search.sorted_points import ONE, ZERO
+
+# Random numbers by streams: the k-th number of a stream depends on its key and on k alone.
+#
+# SplitMix64 (Steele, Lea & Flood 2014): a counter whose bits are mixed. A state is an array of one unsigned integer.
+
+
+GOLDEN_GAMMA = np.uint64(0x9E3779B97F4A7C15)
+FIRST_FACTOR, SECOND_FACTOR = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
+U11, U27, U30, U31, U32 = np.uint64(11), np.uint64(27), np.uint64(30), np.uint64(31), np.uint64(32)
+LOWER_HALF = np.uint64(0xFFFFFFFF)
+
+
+@compiled
+def mix(z):
+    """Return a number with its bits mixed."""
+    z = (z ^ (z >> U30)) * FIRST_FACTOR
+    z = (z ^ (z >> U27)) * SECOND_FACTOR
+    return z ^ (z >> U31)
+
+
+@compiled
+def seed_stream(state, seed, step):
+    """Set a state to the beginning of the stream of a seed and a step."""
+    state[0] = mix(mix(np.uint64(seed) + GOLDEN_GAMMA) ^ (np.uint64(step) * GOLDEN_GAMMA))
+
+
+@compiled
+def next_bits(state):
+    """Return the next 64 bits."""
+    state[0] += GOLDEN_GAMMA
+    return mix(state[0])
+
+
+@compiled
+def draw_bits(state, numbers):
+    """Write the next 64 bits to each of ``numbers``: a processor mixes several at once."""
+    origin = state[0]
+    for k in range(numbers.shape[0]):
+        numbers[k] = mix(origin + GOLDEN_GAMMA * np.uint64(k + 1))
+    state[0] = origin + GOLDEN_GAMMA * np.uint64(numbers.shape[0])
+
+
+@compiled
+def uniform(state):
+    """Return the next number of the uniform distribution on [0, 1)."""
+    return unit_number(next_bits(state))
+
+
+@compiled
+def unit_number(bits):
+    """Return the number of [0, 1) that 64 bits stand for."""
+    return np.float64(bits >> U11) * 2.0**-53
+
+
+@compiled
+def upper_integer(bits, count):
+    """Return the integer from 0 to below ``count`` that the upper half of 64 bits stands for."""
+    return np.int64(((bits >> U32) * np.uint64(count)) >> U32)
+
+
+@compiled
+def lower_integer(bits, count):
+    """Return the integer from 0 to below ``count`` that the lower half of 64 bits stands for."""
+    return np.int64(((bits & LOWER_HALF) * np.uint64(count)) >> U32)
+
+
+HALF_RANGE = 1 << 32  # of the integers that half of 64 bits stands for
+
+
+@compiled
+def tournament(bits, fitness, count):
+    """Return the place of the fitter of two that 64 bits stand for; of equals the first."""
+    first, second = upper_integer(bits, count), lower_integer(bits, count)
+    return first if fitness[first] >= fitness[second] else second
+
+
+@compiled
+def _decide(bits, probability):
+    """Return 1 with a probability, else 0: unsigned, as an index without a sign to check."""
+    return np.uint64(lower_integer(bits, HALF_RANGE) < probability * HALF_RANGE)
+
+
+@compiled
+def generate_offspring(
+    state, genes, order, fitness, F, row_size, crossover_probability, mutation_probability, lower, upper, children
+):
+    """Fill ``children`` (genes, places) with the offspring of ``genes`` (rows, genes), in rows of ``row_size`` genes.
+
+    Return how many are new; the others, at the end, are copies of a parent and have its objectives: ``F`` (objectives,
+    points) holds those of the parents by place, then those of the children. Random decisions are arithmetic instead of
+    branches, which a processor cannot predict.
+    """
+    size, count, parents = np.uint64(genes.shape[1]), np.uint64(children.shape[1]), np.uint64(order.shape[0])
+    length = np.uint64(row_size)
+    rows, pairs, unpaired = size // length, count >> ONE, count & ONE
+    draws = pairs * (rows + np.uint64(7)) + unpaired * (rows + np.uint64(6))
+    numbers = np.empty(draws, np.uint64)
+    draw_bits(state, numbers)
+    new, last, drawn = ZERO, count - ONE, ZERO
+    for pair in range(pairs + unpaired):
+        mother_place = np.uint64(tournament(numbers[drawn], fitness, parents))
+        father_place = np.uint64(tournament(numbers[drawn + ONE], fitness, parents))
+        drawn += np.uint64(2)
+        mother, father = np.uint64(order[mother_place]), np.uint64(order[father_place])
+        bits, first_bits, second_bits = numbers[drawn], numbers[drawn + ONE], numbers[drawn + np.uint64(2)]
+        drawn += np.uint64(3)
+        crossed = _decide(bits, crossover_probability)
+        first_mutated = _decide(first_bits, mutation_probability)
+        second_mutated = _decide(second_bits, mutation_probability)
+        first_changed, second_changed = crossed | first_mutated, crossed | second_mutated
+        first = new if first_changed else last
+        new, last = new + first_changed, last - (ONE - first_changed)
+        if pair == pairs:
+            second = first
+        else:
+            second = new if second_changed else last
+            new, last = new + second_changed, last - (ONE - second_changed)
+        gene = ZERO
+        for _ in range(rows):
+            cut = crossed * (ONE + np.uint64(upper_integer(bits, row_size - 1))) + (ONE - crossed) * length
+            bits = numbers[drawn]
+            drawn += ONE
+            for j in range(length):
+                of_mother, of_father = genes[mother, gene], genes[father, gene]
+                children[gene, second] = of_mother if j >= cut else of_father
+                children[gene, first] = of_father if j >= cut else of_mother
+                gene += ONE
+        for m in range(np.uint64(F.shape[0])):
+            F[m, parents + second] = F[m, father_place]
+            F[m, parents + first] = F[m, mother_place]
+        if pair < pairs:
+            _mutate(children, second, second_mutated, second_bits, numbers[drawn], lower, upper)
+            drawn += ONE
+        _mutate(children, first, first_mutated, first_bits, numbers[drawn], lower, upper)
+        drawn += ONE
+    return np.int64(new)
+
+
+@compiled
+def _mutate(children, child, mutated, bits, number, lower, upper):
+    """Replace one gene of a child, that ``bits`` stand for, where it is ``mutated``."""
+    gene = np.uint64(upper_integer(bits, children.shape[0]))
+    value = lower + (upper - lower) * unit_number(number)
+    children[gene, child] = value if mutated else children[gene, child]
+
+
+@compiled
+def draw_chromosome(state, lower, upper, children, child):
+    """Draw all genes of a child from the uniform distribution."""
+    for j in range(children.shape[0]):
+        children[j, child] = lower + (upper - lower) * uniform(state)

@@ -1,1 +1,0 @@
-"""The self-motion manifold of a task: postures, starts, charts, curves, branches."""

@@ -1,0 +1,293 @@
+"""Coordinates of the self-motion manifold around base motions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from scipy.interpolate import CubicHermiteSpline
+
+from paretoik.arrays import JointPaths
+from paretoik.robot.arm import Arm
+from paretoik.robot.kinematics import characteristic_length, jacobian, joint_scales, link_nodes
+from paretoik.stop_flag import check_interruption
+from paretoik.task.motion import Motion
+from paretoik.task.motion_task import MotionTask
+from paretoik.task.retraction import relative_errors, retract, row_space_basis
+from paretoik.task.starts import MOTION_OPTIONS as STARTS
+from paretoik.task.starts import posture_distance, reach_error, sample_postures, wrap_difference
+
+# Branches: which way each joint is bent, as labels of whole motions.
+
+
+SINE_TOLERANCE = 1e-9  # of the angle between axes that count as parallel, or a joint that counts as straight
+
+
+def bend_signs(arm: Arm, q: Float[np.ndarray, "*batch dof"]) -> Int[np.ndarray, "*batch inner"]:
+    """Return the sign in which every inner joint is bent, 0 where it is straight: shoulder, elbow, wrist.
+
+    For three consecutive axes that are not parallel it is the sign of their triple product; for parallel ones that of
+    the turn from one link to the next. It changes just where a joint aligns its neighbours. Arms of two joints or fewer
+    have none.
+    """
+    if arm.dof < 3:
+        return np.zeros((*q.shape[:-1], 0), dtype=int)
+    axes, origins = _axes(arm, q), link_nodes(arm, q)[..., 1:, :]
+    before, here, after = axes[..., :-2, :], axes[..., 1:-1, :], axes[..., 2:, :]
+    product = np.sum(np.cross(before, after) * here, axis=-1)
+    links = np.diff(origins, axis=-2) / characteristic_length(arm)
+    turn = np.sum(np.cross(links[..., :-1, :], links[..., 1:, :]) * axes[..., 1:, :], axis=-1)
+    parallel = _always_parallel(arm)
+    inner = np.where(parallel, turn[..., : arm.dof - 2], product)
+    last = turn[..., arm.dof - 2 :] if parallel[-1] else np.zeros((*q.shape[:-1], 0))
+    signed = np.concatenate([inner, last], axis=-1)
+    return np.where(np.abs(signed) < SINE_TOLERANCE, 0, np.sign(signed)).astype(int)
+
+
+def branch_labels(motion: Motion) -> list[str]:
+    """Return a label for each motion of a batch (motions, time, dof), such as ``+-`` or ``+~``.
+
+    One sign per inner joint: how it is bent over the whole motion, or ``~`` where it passes through straight, followed
+    by the sign it ends with.
+    """
+    signs = bend_signs(motion.arm, motion.q)
+    constant = np.logical_or((signs >= 0).all(axis=-2), (signs <= 0).all(axis=-2))
+    return [
+        "".join(
+            ("" if is_constant else "~") + "-0+"[sign + 1] for sign, is_constant in zip(ends, constant_all, strict=True)
+        )
+        for ends, constant_all in zip(signs[..., -1, :], np.atleast_2d(constant), strict=True)
+    ]
+
+
+def _axes(arm: Arm, q: np.ndarray) -> np.ndarray:
+    """Return the direction of every joint's axis in the world (*batch, dof, 3)."""
+    columns = np.swapaxes(jacobian(arm, q), -1, -2)
+    return np.where(arm.periodic[:, None], columns[..., 3:], columns[..., :3])
+
+
+def _always_parallel(arm: Arm) -> np.ndarray:
+    """Return for every inner joint whether the axes on either side of it are parallel at all postures."""
+    axes = _axes(arm, np.arange(1.0, arm.dof + 1))  # a posture like any other
+    return np.all(np.abs(np.cross(axes[:-2], axes[2:])) < SINE_TOLERANCE, axis=-1)
+
+
+# The curves that postures lie on where redundancy is one: traced, and cut into nodes evenly spaced.
+#
+# Source: Burdick 1989 (self-motion curves).
+
+
+@dataclass(frozen=True, kw_only=True)
+class CurveOptions:
+    """How curves are traced and cut into nodes, in rad, slides in lengths of the arm."""
+
+    step_length: float = 0.1  # of the predictor
+    turn: float = 0.9  # least cosine between the directions of two steps
+    steps: int = 1200  # of a curve, at most
+    seeds: int = 48  # postures at either end of the path that are carried along it
+    nodes: tuple[int, int] = (12, 500_000)  # in the furthest step of a joint, and at most in all
+    pair_nodes: tuple[int, int] = (10, 30_000)  # the same where pairs of nodes are states
+
+
+OPTIONS = CurveOptions()
+
+Curve = tuple[np.ndarray, np.ndarray]  # steps (q, directions)
+
+
+def postures_along_path(task: MotionTask, rng: np.random.Generator) -> tuple[list[np.ndarray], float]:
+    """Return postures of every sample on all curves that are connected to either end, and the path's pace.
+
+    What comes into being halfway along the path is near nothing that could lead to it.
+    """
+    curves: list[list[np.ndarray]] = [[] for _ in task.times]
+    pace = [0.0]
+    for direction in (range(len(task.times)), reversed(range(len(task.times)))):
+        q = np.empty((0, task.arm.dof))
+        for i in direction:
+            check_interruption()
+            retracted = retract(task.arm, task.tasks, q, *self_motion_frames(task, np.full(len(q), i), q)[1:])
+            moved = np.abs((retracted.q - q) / joint_scales(task.arm)).max(axis=1)
+            on_path = retracted.on_path & (moved <= STARTS.longest_jump)
+            q = retracted.q[on_path] if on_path.any() else sample_postures(task, OPTIONS.seeds, rng, sample=i)
+            if not len(q):
+                raise reach_error(task, rng, i)
+            pace.append(float(np.median(moved[on_path])) if on_path.any() else 0.0)
+            curves[i].append(q)
+    return [np.concatenate(parts) for parts in curves], max(pace)
+
+
+def self_motion_frames(
+    task: MotionTask, samples: np.ndarray, q: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the direction of self-motion at postures, the targets of their samples and the directions across it.
+
+    Directions are of length one where slides are measured in lengths of the arm; they are returned in rad and m.
+    """
+    targets, scales = task.targets[samples], joint_scales(task.arm)
+    jacobian = relative_errors(task.arm, task.tasks, q, targets)[1]
+    across, upper = np.linalg.qr(jacobian.swapaxes(-1, -2), mode="complete")
+    signs = np.where(np.diagonal(upper, axis1=-2, axis2=-1) < 0, -1.0, 1.0)
+    return across[..., -1] * scales, targets, across[..., : task.rows] * signs[:, None, :] * scales[:, None]
+
+
+def trace_curves(task: MotionTask, seeds: list[np.ndarray]) -> list[list[Curve]]:
+    """Return the self-motion curves of every sample, as steps (q, directions), until no seed is off all of them."""
+    curves: list[list[Curve]] = [[] for _ in seeds]
+    remaining = list(seeds)
+    while rows := [i for i, q in enumerate(remaining) if len(q)]:
+        traced = _trace_once(task, np.array(rows), np.stack([remaining[i][0] for i in rows]))
+        for i, (q, directions) in zip(rows, traced, strict=True):
+            curves[i].append((q, directions))
+            distance = posture_distance(task.arm, remaining[i][:, None], q).min(axis=1)
+            remaining[i] = remaining[i][distance > 0.75 * OPTIONS.step_length]
+    return curves
+
+
+def _trace_once(task: MotionTask, samples: np.ndarray, begin: np.ndarray) -> list[Curve]:
+    """Return one curve through each posture, by predictor and corrector, until it closes, stops or is too long."""
+    q, (heading, targets, steep) = begin.copy(), self_motion_frames(task, samples, begin)
+    metric = joint_scales(task.arm) ** -2.0
+    first, step_length = heading.copy(), np.full(len(q), OPTIONS.step_length)
+    active, count = np.arange(len(q)), np.zeros(len(q))
+    steps = [(active, q.copy(), heading.copy())]
+    for _ in range(OPTIONS.steps):
+        check_interruption()
+        reach = step_length[active]
+        trial = retract(
+            task.arm, task.tasks, q[active] + reach[:, None] * heading[active], targets[active], steep[active]
+        )
+        ahead, _, across = self_motion_frames(task, samples[active], trial.q)
+        turn = (ahead * heading[active]) @ metric
+        accepted = trial.on_path & (np.abs(turn) > OPTIONS.turn)
+        moved = active[accepted]
+        ahead *= np.sign(turn)[:, None]
+        q[moved], steep[moved], heading[moved] = trial.q[accepted], across[accepted], ahead[accepted]
+        count[moved] += 1
+        back = wrap_difference(begin[active] - q[active], task.arm.periodic)
+        closed = accepted & (np.sqrt(back**2 @ metric) < 0.6 * reach) & (count[active] > 3)
+        closed &= (heading[active] * first[active]) @ metric > OPTIONS.turn
+        q[active[closed]] += back[closed]
+        heading[active[closed]] = first[active[closed]]  # it is the node that the curve began at
+        steps.append((moved, q[moved], heading[moved]))
+        step_length[active] = np.where(accepted, np.minimum(1.5 * reach, OPTIONS.step_length), reach / 2)
+        active = active[~closed & (step_length[active] > 1e-4)]
+        if not len(active):
+            break
+    rows, places, directions = (np.concatenate(parts) for parts in zip(*steps, strict=True))
+    return [(places[rows == k], directions[rows == k]) for k in range(len(q))]
+
+
+def node_spacing(arm: Arm, curves: list[list[Curve]], windows: np.ndarray, *, second: bool) -> float:
+    """Return the distance of nodes that tells enough speeds apart, or keeps the nodes few enough."""
+    shares, limit = OPTIONS.pair_nodes if second else OPTIONS.nodes
+    return float(max((windows[1:] / joint_scales(arm)).max() / shares, _length(arm, curves) / limit))
+
+
+def count_nodes(task: MotionTask, curves: list[list[Curve]], spacing: float) -> float:
+    """Return about how many nodes curves have, so far apart, at all the turns that joints' limits hold."""
+    lower, upper = unwrapped_ranges(task, np.zeros(task.arm.dof, dtype=bool)).T
+    turns = np.where(task.arm.periodic & np.isfinite(upper - lower), (upper - lower) / (2 * np.pi), 1.0)
+    return float(_length(task.arm, curves) / spacing * np.prod(np.maximum(turns, 1.0)))
+
+
+def _length(arm: Arm, curves: list[list[Curve]]) -> float:
+    scales = joint_scales(arm)
+    return float(sum(np.linalg.norm(np.diff(q / scales, axis=0), axis=1).sum() for here in curves for q, _ in here))
+
+
+def resample_curve(arm: Arm, curve: Curve, spacing: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return points evenly spaced along a curve and which of them is next to each, −1 at the end of an open one."""
+    q, directions = curve
+    s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(q / joint_scales(arm), axis=0), axis=1))])
+    distinct = np.append(np.diff(s) > 1e-9, True)
+    if distinct.sum() < 2:
+        return q[:1], np.array([-1])
+    closed = bool(posture_distance(arm, q[-1], q[0]) < 1e-9)
+    pieces = int(np.ceil(s[-1] / spacing))
+    places = np.linspace(0, s[-1], pieces + (not closed), endpoint=not closed)
+    onward = np.append(np.arange(1, len(places)), 0 if closed and pieces > 2 else -1)
+    return np.asarray(CubicHermiteSpline(s[distinct], q[distinct], directions[distinct])(places)), onward
+
+
+def unwrapped_ranges(task: MotionTask, unrolled: np.ndarray) -> Float[np.ndarray, "dof 2"]:
+    """Return where the turns of joints are told difference: within their limits; NaN for joints known modulo 2π."""
+    ranges = task.arm.position_limits.copy()
+    lower, upper = ranges.T
+    ranges[np.isinf(lower) & np.isinf(upper)] = np.nan
+    ranges[np.isinf(lower) & np.isfinite(upper), 0] = upper[np.isinf(lower) & np.isfinite(upper)] - 4 * np.pi
+    ranges[np.isinf(upper) & np.isfinite(lower), 1] = lower[np.isinf(upper) & np.isfinite(lower)] + 4 * np.pi
+    ranges[unrolled] = -2 * np.pi, 2 * np.pi
+    return ranges
+
+
+def unwrap_nodes(q: np.ndarray, ranges: np.ndarray, periodic: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return nodes at all the turns that their joints' ranges hold, and which node each of them is."""
+    which = np.arange(len(q))
+    for j in np.flatnonzero(periodic):
+        lower, upper = (-np.pi, np.pi) if np.isnan(ranges[j, 0]) else ranges[j]
+        turns = 2 * np.pi * np.arange((upper - lower) // (2 * np.pi) + 1)
+        place = (lower + (q[:, j] - lower) % (2 * np.pi) + turns[:, None]).ravel()
+        q, which = np.tile(q, (len(turns), 1)), np.tile(which, len(turns))
+        q[:, j] = place
+        q, which = q[place <= upper], which[place <= upper]
+    return q, which
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Charts:
+    """Coordinates around base motions: q = base + null_space · y, then along ``row_space`` onto the path.
+
+    ``null_space`` spans that of the tasks' Jacobian along each base, transported without turning, ``row_space`` its row
+    space. Both are orthonormal, slides measured in lengths of the arm, so y = null_spaceᵀ (q − base) gives the
+    coordinates back.
+    """
+
+    base: Float[np.ndarray, "bases time dof"]
+    null_space: Float[np.ndarray, "bases time dof redundancy"]
+    row_space: Float[np.ndarray, "bases time dof rows"]
+
+    def at(
+        self, task: MotionTask, which: np.ndarray, y: Float[np.ndarray, "*batch time redundancy"]
+    ) -> tuple[JointPaths, Bool[np.ndarray, "*batch time"]]:
+        """Return motions at coordinates y around bases ``which``, and which of their samples are on the path.
+
+        A sample whose correction jumps from that of the sample before has come to another sheet, and is off.
+        """
+        scales = joint_scales(task.arm)
+        start = self.base[which] + np.einsum("ptdr,ptr->ptd", self.null_space[which], y) * scales
+        retracted = retract(task.arm, task.tasks, start, task.targets, self.row_space[which] * scales[:, None])
+        q, on_path = retracted.q, retracted.on_path
+        base_step = np.abs(np.diff(start / scales, axis=1)).max(axis=2)
+        on_path[:, 1:] &= np.abs(np.diff((q - start) / scales, axis=1)).max(axis=2) <= STARTS.longest_jump + base_step
+        return q, on_path
+
+    def coordinates(
+        self, task: MotionTask, which: np.ndarray, q: JointPaths
+    ) -> Float[np.ndarray, "*batch time redundancy"]:
+        """Return the coordinates y of motions around bases ``which``."""
+        return np.einsum("ptdr,ptd->ptr", self.null_space[which], (q - self.base[which]) / joint_scales(task.arm))
+
+
+def build_charts(task: MotionTask, base: Float[np.ndarray, "bases time dof"]) -> Charts:
+    """Return coordinates around base motions on the path."""
+    jacobian = relative_errors(task.arm, task.tasks, base, task.targets)[1]
+    null_space = np.linalg.svd(jacobian)[2][..., task.rows :, :].swapaxes(-1, -2)
+    for i in range(1, base.shape[1]):  # parallel transport: each basis turned as near as can be to the one before
+        left, _, right = np.linalg.svd(np.swapaxes(null_space[:, i], -1, -2) @ null_space[:, i - 1])
+        null_space[:, i] = null_space[:, i] @ (left @ right)
+    if task.cyclic:
+        null_space = _close_frames(null_space, task.times / task.times[-1])
+    return Charts(base=base, null_space=null_space, row_space=row_space_basis(jacobian))
+
+
+def _close_frames(null_space: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """Turn each basis evenly over time so that it closes with the motion."""
+    from scipy.linalg import expm, logm  # here: only cyclic motions need it
+
+    closed = null_space.copy()
+    for b, basis in enumerate(null_space):
+        turn = np.real(logm(basis[-1].T @ basis[0]))
+        closed[b] = basis @ np.stack([expm(part * (turn - turn.T) / 2) for part in share])
+    closed[:, -1] = closed[:, 0]
+    return closed

@@ -1,0 +1,311 @@
+"""Every part of a motion problem checked, and the motion task that they make."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import get_args
+
+import numpy as np
+from jaxtyping import Float
+
+from paretoik.errors import InvalidInput
+from paretoik.inputs import check_choice, check_flag, degrees_hint, finite_number, read_list, real_array, shown
+from paretoik.robot.arm import Arm, check_arm
+from paretoik.robot.kinematics import characteristic_length, link_nodes
+from paretoik.robot.pose import Pose, matrix_to_quaternion, quaternion_to_matrix
+from paretoik.task.limits import LIMIT_TOLERANCE, Constraint, Limits
+from paretoik.task.motion import check_link_radius, check_obstacles
+from paretoik.task.motion_task import MotionTask
+from paretoik.task.objectives import Objective, evaluate_function
+from paretoik.task.obstacles import Obstacle, signed_distance
+from paretoik.task.path import Path
+from paretoik.task.retraction import row_scales, task_errors
+from paretoik.task.sampling import Differences
+from paretoik.task.task import Task, row_units
+
+START_TOLERANCE = 1e-6  # of the arm's length, and rad: a start this near the path is moved onto it
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlaneOptions:
+    """How far poses, and the frames that follow them, may be tilted out of the plane of a planar arm."""
+
+    tilt_tolerance: float = 1e-4  # rad: angles written with four decimals are off by half of it
+
+
+OPTIONS = PlaneOptions()
+
+
+def motion_task(
+    arm: Arm,
+    tasks: Path | Task | Sequence[Path | Task],
+    *,
+    objectives: Sequence[Objective],
+    limits: Limits | None = None,
+    constraints: Sequence[Constraint] = (),
+    obstacles: Sequence[Obstacle] = (),
+    link_radius: float = 0.0,
+    start: object = "free",
+    end_velocity: float | None = None,
+    cyclic: bool = False,
+    differences: Differences = "backward",
+    redundant: bool = True,
+) -> MotionTask:
+    """Check everything that a motion problem is made of and return it.
+
+    ``redundant`` refuses tasks that leave no joint over. Raises InvalidInput, naming the thing, for each part that
+    cannot be used.
+    """
+    check_arm("arm", arm)
+    check_flag("cyclic", cyclic)
+    check_choice("differences", differences, get_args(Differences))
+    every_task = [_as_task(one) for one in (tasks if isinstance(tasks, list | tuple) else [tasks])]
+    followed = tuple(one.resolve_axes(arm) for one in every_task)
+    for one in every_task:
+        _check_plane(arm, one)
+    _check_tasks(arm, followed, redundant)
+    _check_objectives_and_limits(objectives, constraints, limits)
+    _check_obstacles(obstacles, link_radius)
+    if cyclic and not all(task.path.is_closed for task in followed):
+        raise InvalidInput("cyclic=True wants a closed path, got one that does not end where it starts")
+    if end_velocity is not None and (finite_number("end_velocity", end_velocity) != 0 or cyclic):
+        raise InvalidInput(f"end_velocity must be None (free) or 0 on an open motion, got {shown(end_velocity)}")
+    if end_velocity is not None:
+        _check_paths_end_at_rest(followed)
+    bounds = (limits or Limits()).bounds(arm, followed[0].path.samples)
+    allowed = bounds.get("position", np.tile([-np.inf, np.inf], (1, arm.dof, 1)))
+    widest = np.stack([allowed[..., 0].min(axis=0), allowed[..., 1].max(axis=0)], axis=-1)
+    arm = replace(arm, position_limits=widest)
+    if lacks_masses(arm):
+        _check_limits_without_masses(arm, limits)
+        bounds.pop("torque", None)  # the arm's own: nothing is known of its torques
+    task = MotionTask(
+        arm=arm,
+        tasks=followed,
+        objectives=tuple(objectives),
+        constraints=tuple(constraints),
+        bounds=bounds,
+        obstacles=tuple(obstacles),
+        link_radius=link_radius,
+        min_clearance=(limits or Limits()).clearance,
+        start=None if isinstance(start, str) and start == "free" else _start_posture(arm, start),
+        ends_at_rest=end_velocity is not None,
+        cyclic=cyclic,
+        differences=differences,
+    )
+    if task.start is not None:
+        _check_start(task, task.start)
+    _check_immovable_links(task)
+    if lacks_masses(arm):
+        _check_functions_without_masses(task)
+    return task
+
+
+def _as_task(value: object) -> Task:
+    if not isinstance(value, Path | Task):
+        raise InvalidInput(f"path wants a Path, a Task or several of them, got {shown(value)}")
+    return Task(value) if isinstance(value, Path) else value
+
+
+def _check_plane(arm: Arm, task: Task) -> None:
+    """Raise InvalidInput where a path leaves the plane of a planar arm: without axes, nothing would follow it there.
+
+    Poses may lie at z = 0 where the plane is level, whatever its height: ``Pose.planar`` puts them there.
+    """
+    if not arm.is_planar:
+        return
+    normal = arm.base.rotation[:, 2]
+    if abs(normal[2]) < OPTIONS.tilt_tolerance:
+        raise InvalidInput(
+            f"path: an arm in a plane that is not vertical wanted, as x and y lead it, got {arm.name} in one with the "
+            f"normal ({_coordinates(normal)}); a level one with mounted(gravity=(0, -9.81, 0)) weighs the same"
+        )
+    path, points = task.path, task.path.positions
+    if task.axes is not None or points.shape[1] == 2:
+        return
+    frame = arm.pose(np.zeros(arm.dof), frame=task.frame)
+    tolerance = START_TOLERANCE * characteristic_length(arm)
+    is_level = float(np.hypot(*normal[:2])) <= OPTIONS.tilt_tolerance
+    wish = f"path: {'points' if path.quaternions is None else 'poses'} in {_plane_text(arm, frame, is_level)} wanted"
+    if path.quaternions is not None:
+        _check_tilt(arm, frame, path.quaternions, wish)
+    distance = (points - frame.position) @ (np.sign(normal[2]) * normal)
+    at_zero = path.quaternions is not None and is_level and np.abs(points[:, 2]).max() <= tolerance
+    if not at_zero and np.abs(distance).max() > tolerance:
+        axes = "xy" if path.quaternions is None else "xy+angle"
+        raise InvalidInput(f"{wish}, or axes={axes!r}, got one {distance[np.abs(distance).argmax()]:.3g} m off it")
+
+
+def _check_tilt(arm: Arm, frame: Pose, quaternions: Float[np.ndarray, "samples 4"], wish: str) -> None:
+    """Raise InvalidInput where poses are not the ``frame`` turned about the normal of the arm's plane.
+
+    The tilt is the rotation that remains of RᵀR_d without its part about the normal (swing and twist). The angle that
+    "xy+angle" follows is about the frame's own z axis, which must not lie in the plane.
+    """
+    normal = frame.rotation.T @ arm.base.rotation[:, 2]
+    relative = matrix_to_quaternion(frame.rotation.T @ quaternion_to_matrix(quaternions))
+    twist = relative[:, 1:] @ normal
+    swing = np.linalg.norm(relative[:, 1:] - twist[:, None] * normal, axis=1)
+    tilt = 2.0 * np.arctan2(swing, np.hypot(relative[:, 0], twist)).max()
+    if tilt > OPTIONS.tilt_tolerance:
+        raise InvalidInput(f"{wish}, or axes='xy', got one tilted out of it by {tilt:.3g} rad")
+    if abs(normal[2]) < OPTIONS.tilt_tolerance:
+        raise InvalidInput(f"{wish} whose z axis leaves it, or axes='xy', got poses whose z axis lies in it")
+
+
+def _plane_text(arm: Arm, frame: Pose, is_level: bool) -> str:
+    """Return in words the plane that a frame of a planar arm moves in."""
+    if is_level:
+        return f"the plane z = {_coordinates(frame.position[2:])} m of {arm.name}"
+    point, normal = _coordinates(frame.position), _coordinates(arm.base.rotation[:, 2])
+    return f"the plane of {arm.name}, through ({point}) m with the normal ({normal}),"
+
+
+def _coordinates(vector: Float[np.ndarray, " coordinates"]) -> str:
+    """Return coordinates as text; those that are 0 up to rounding have no sign."""
+    return ", ".join(f"{round(value, 12) + 0.0:.6g}" for value in vector.tolist())
+
+
+def _check_tasks(arm: Arm, tasks: tuple[Task, ...], redundant: bool) -> None:
+    if not tasks:
+        raise InvalidInput("path: wants at least one path or task, got none")
+    times = tasks[0].path.times
+    for i, task in enumerate(tasks[1:], start=2):
+        if not np.array_equal(task.path.times, times):
+            raise InvalidInput(f"task {i}: must be sampled at the same times as task 1")
+    rows = sum(task.rows for task in tasks)
+    if rows > arm.dof - redundant:
+        wish = "is not redundant for this task" if redundant else "has too few joints for this task"
+        raise InvalidInput(
+            f"path: {arm.name} {wish}, got {arm.dof} joints for {rows} equations, wanted are more, or fewer axes"
+        )
+
+
+def _check_objectives_and_limits(
+    objectives: Sequence[Objective], constraints: Sequence[Constraint], limits: Limits | None
+) -> None:
+    _check_decorated("objective", objectives, Objective)
+    _check_decorated("constraint", constraints, Constraint)
+    if not objectives:
+        raise InvalidInput("objectives: wants at least one, got none")
+    if limits is not None and not isinstance(limits, Limits):
+        raise InvalidInput(f"limits: Limits(...) wanted, got {shown(limits)}")
+
+
+def _check_obstacles(obstacles: Sequence[Obstacle], link_radius: float) -> None:
+    check_obstacles(obstacles)
+    check_link_radius(link_radius)
+
+
+def _check_immovable_links(task: MotionTask) -> None:
+    """Raise InvalidInput if an obstacle overlaps the base, or a link that no joint moves."""
+    if not task.obstacles:
+        return
+    lower, upper = task.arm.position_limits.T
+    lower = np.where(np.isfinite(lower), lower, 0.0)
+    upper = np.where(np.isfinite(upper), upper, lower + 1.0)
+    shares = (np.sin(np.arange(1.0, 4.0 * task.arm.dof + 1.0)).reshape(4, task.arm.dof) + 1) / 2
+    nodes = link_nodes(task.arm, lower + shares * (upper - lower))
+    still = np.linalg.norm(np.ptp(nodes, axis=0), axis=1) <= LIMIT_TOLERANCE * characteristic_length(task.arm)
+    smallest = min(task.min_clearance, 0.0) - LIMIT_TOLERANCE * task.clearance_range
+    for link in np.flatnonzero(still[:-1] & still[1:]).tolist():
+        for number, obstacle in enumerate(task.obstacles, start=1):
+            distance = float(signed_distance(obstacle, nodes[0, link], nodes[0, link + 1])) - task.link_radius
+            if distance < smallest:
+                part = f"link {link}, which no joint moves" if link else "the base, which does not move"
+                raise InvalidInput(
+                    f"obstacles: obstacle {number}, a {type(obstacle).__name__.lower()}, must be clear of {part}, got "
+                    f"one that reaches {-distance:.3g} m into it (links have a radius of {task.link_radius:g} m): no "
+                    "motion can keep clear of it"
+                )
+
+
+def _check_decorated(kind: str, members: Sequence[Objective] | Sequence[Constraint], required: type) -> None:
+    wish = f"a list of functions decorated with @{kind}"
+    wish += ", or the library's, such as pk.kinetic_energy" if required is Objective else ""
+    names = [member.name for member in read_list(f"{kind}s", members, required, wish)]
+    if len(set(names)) != len(names):
+        raise InvalidInput(f"{kind}s: names must differ, got {', '.join(names)}")
+
+
+def lacks_masses(arm: Arm) -> bool:
+    """Return whether torques and energies of an arm mean nothing: no link has mass, or of a URDF one has none."""
+    masses = [body.mass for body in arm.bodies]
+    return not any(masses) or (arm.source is not None and not all(masses[:-1]))
+
+
+def _check_limits_without_masses(arm: Arm, limits: Limits | None) -> None:
+    for kind in ("torque", "power"):
+        limit = getattr(limits, kind, None)
+        if limit is not None and np.isfinite(limits.bounds(arm, 3).get(kind, np.inf)).any():  # type: ignore[union-attr]
+            raise InvalidInput(f"{kind} limit: an arm with masses wanted, {arm.name} has links without")
+
+
+def _check_functions_without_masses(task: MotionTask) -> None:
+    """Raise InvalidInput, naming the first objective or constraint that torques or energies are part of."""
+    q = np.linspace(0.1, 0.7, len(task.times) * task.arm.dof).reshape(1, len(task.times), task.arm.dof)
+    if task.cyclic:
+        q[:, -1] = q[:, 0]
+    motion = task.motion(q)
+    for name in ("torque", "power", "kinetic_energy"):
+        values = np.full_like(getattr(motion, name), np.nan)
+        motion.__dict__[name] = values  # in place of what would be computed
+    for kind, members in (("objective", task.objectives), ("constraint", task.constraints)):
+        for member in members:
+            try:
+                values = evaluate_function(member.name, member.function, motion, member.form)
+            except Exception:  # a user's function may raise anything, here or later
+                continue
+            if np.isnan(values).all():
+                raise InvalidInput(
+                    f"{kind} {member.name}: an arm with masses wanted, {task.arm.name} has links without"
+                )
+
+
+def _check_paths_end_at_rest(tasks: tuple[Task, ...]) -> None:
+    """Raise InvalidInput unless speeds over the last 0.01 % of paths are below 1 % of their mean."""
+    for task in tasks:
+        path = task.path
+        instants = np.array([1.0 - 1e-4, 1.0]) * path.duration
+        end = np.linalg.norm(np.diff(path.at(instants)[0], axis=0)) / np.diff(instants)[0]
+        mean = np.linalg.norm(np.diff(path.positions, axis=0), axis=1).sum() / path.duration
+        if end > 0.01 * mean:
+            raise InvalidInput(f"end_velocity=0 wants a path that comes to rest, got one that ends at {end:.3g} m/s")
+
+
+def _start_posture(arm: Arm, start: object) -> np.ndarray:
+    if start is None or isinstance(start, str):
+        raise InvalidInput(f"start must be 'free' or {arm.dof} joint positions, got {shown(start)}")
+    q = real_array("start", start)
+    if q.shape != (arm.dof,) or not np.all(np.isfinite(q)):
+        raise InvalidInput(f"start must be 'free' or {arm.dof} finite joint positions, got {shown(start)}")
+    return q
+
+
+def _reason_of_degrees(arm: Arm, start: np.ndarray) -> str:
+    hint = degrees_hint(start[arm.periodic])
+    return hint and f"; {hint}"
+
+
+def _check_start(task: MotionTask, start: np.ndarray) -> None:
+    error, scales = (
+        np.abs(task_errors(task.arm, task.tasks, start, task.targets[0])[0]),
+        row_scales(task.arm, task.tasks),
+    )
+    worst = int(np.argmax(error / scales))
+    if error[worst] > START_TOLERANCE * scales[worst]:
+        unit = row_units(task.tasks)[worst]
+        raise InvalidInput(
+            f"start must be at most {START_TOLERANCE * scales[worst]:.3g} {unit} off the path's first sample, got "
+            f"{error[worst]:.3g} {unit}{_reason_of_degrees(task.arm, start)}"
+        )
+    if "position" in task.bounds:
+        lower, upper = task.bounds["position"][0].T
+        outside = (start < lower) | (start > upper)
+        if outside.any():
+            j = int(np.argmax(outside))
+            raise InvalidInput(
+                f"start: {task.arm.joint_names[j]} must be within its limits {lower[j]:.6g} to {upper[j]:.6g}, got "
+                f"{start[j]:.6g}"
+            )

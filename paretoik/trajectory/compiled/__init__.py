@@ -1,1 +1,0 @@
-"""Motions as compiled code takes them."""

@@ -1,0 +1,394 @@
+"""A motion's program to first order at one motion, along the self-motion of every sample."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from scipy import sparse
+
+from paretoik.nlp.program import Cone, stack_rows, structural_product
+from paretoik.robot.kinematics import joint_scales
+from paretoik.task.retraction import retract, row_space_basis
+from paretoik.trajectory.curve_state_kernel import add_twist, chain_gradient, curve_multipliers, linearise_instants
+from paretoik.trajectory.curve_states import curve_arrays
+from paretoik.trajectory.program import MotionProgram, MotionValues
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MotionLinearisation:
+    """A program at a motion ``x``, to first order; see ``Linearisation``.
+
+    Columns are steps of the self-motion, slides in lengths of the arm, then slack and epigraph variables of samples,
+    peaks and functions of the whole motion. Sample s moves by ``normal``[s] times its own unknowns, the null space of
+    the tasks' ``path_jacobian``. ``basis`` (variables · instants, columns) says how all variables move, ``spline`` how
+    the spline's state does and ``samples`` (dof · time, columns) how q does; ``function_gradients`` are those of the
+    functions of an instant by its variables, ``sample_inputs`` are those of evaluators at the samples.
+    """
+
+    program: MotionProgram
+    values: MotionValues
+    x: Float[np.ndarray, "time dof"]
+    normal: Float[np.ndarray, "time dof redundancy"]
+    path_jacobian: Float[np.ndarray, "time rows dof"]
+    basis: sparse.csr_array
+    spline: sparse.csr_array
+    samples: sparse.csr_array
+    function_gradients: Float[np.ndarray, "functions variables instants"]
+    sample_inputs: Float[np.ndarray, "inputs time"]
+    gradients: Float[np.ndarray, "objectives columns"]
+    inequalities: Float[np.ndarray, " inequalities"]
+    jacobian: sparse.csr_array
+    cones: tuple[Cone, ...]
+
+    @property
+    def columns(self) -> int:
+        """Number of columns."""
+        return self.gradients.shape[1]
+
+    @property
+    def unknowns(self) -> int:
+        """Number of unknowns of the self-motion."""
+        return self.program.stencil.unknowns
+
+    @property
+    def unit(self) -> float:
+        """Euclidean length of a step that is one RMS over time [rad, the arm's length]."""
+        return float(np.sqrt(self.unknowns / self.normal.shape[2]))
+
+    @property
+    def objectives(self) -> Float[np.ndarray, " objectives"]:
+        """F at the motion."""
+        return self.values.objectives
+
+    @property
+    def equalities(self) -> Float[np.ndarray, " equalities"]:
+        """None: the motion is on the path."""
+        return np.zeros(0)
+
+    @property
+    def elastic(self) -> int:
+        """Number of limits; the other inequalities tie slack and epigraph variables."""
+        return self.program.elastic
+
+    def hessian(
+        self,
+        weights: Float[np.ndarray, " objectives"],
+        multipliers: Float[np.ndarray, " inequalities"],
+        cone_multipliers: tuple[np.ndarray, ...] = (),
+    ) -> sparse.csr_array:
+        """Return the Hessian (columns, columns) of the Lagrangian, the path's curvature included."""
+        return _lagrangian_hessian(self, weights, multipliers, cone_multipliers)
+
+    def displacement(self, step: Float[np.ndarray, " columns"]) -> Float[np.ndarray, "time dof"]:
+        """Return how positions move, to first order, with a step."""
+        first_unknown, r = self.program.stencil.first_unknown, self.normal.shape[2]
+        unknowns = np.where(first_unknown[:, None] < 0, 0.0, step[np.maximum(first_unknown, 0)[:, None] + np.arange(r)])
+        return np.einsum("tja,ta->tj", self.normal, unknowns) * joint_scales(self.program.task.arm)
+
+    def retract(self, step: Float[np.ndarray, " columns"]) -> Float[np.ndarray, "time dof"] | None:
+        """Return the motion that a step leads to, back on the path; None where it leaves the self-motion manifold."""
+        task = self.program.task
+        q = self.x + self.displacement(step)
+        targets = task.targets.copy()
+        if task.cyclic:
+            q[-1], targets[-1] = q[0], targets[0]
+        if task.ties_end:
+            q[-1] = q[-2]
+        directions = row_space_basis(self.path_jacobian) * joint_scales(task.arm)[:, None]
+        retracted = retract(task.arm, task.tasks, q, targets, directions)
+        if not retracted.on_path.all():
+            return None
+        q = retracted.q
+        if task.start is not None:
+            q[0] = task.start
+        if task.cyclic:
+            q[-1] = q[0]
+        return q
+
+    def corrected_inequalities(
+        self, step: Float[np.ndarray, " columns"], x: Float[np.ndarray, "time dof"]
+    ) -> Float[np.ndarray, " inequalities"]:
+        """Return limits and ties at the motion x, slack and epigraph variables being what the step makes them."""
+        p, u, instants = self.program, self.unknowns, len(self.program.task.instants)
+        values = p.values(x)
+        inputs, column = values.inputs.copy(), u + p.slacks * instants
+        inputs[p.slack_inputs] = self.values.inputs[p.slack_inputs] + step[u:column].reshape(p.slacks, instants)
+        inputs[p.peak_inputs] = self.values.inputs[p.peak_inputs] + step[column : column + p.peaks, None]
+        parts, column = list(p.limit_values(inputs, p.evaluators.value(inputs))), column + p.peaks
+        for each, before, after in zip(p.whole_functions, self.values.parts, values.parts, strict=True):
+            for group in each.slices:
+                if group.stop - group.start > 1:
+                    parts.append(before[group].max() + step[column] - after[group])
+                    column += 1
+            column += not len(each.groups)
+        return np.concatenate(parts)
+
+
+def linearise(program: MotionProgram, q: Float[np.ndarray, "time dof"]) -> MotionLinearisation:
+    """Return the program's values and first derivatives at a motion on the path."""
+    task, samples, instants, n = program.task, len(q), len(program.task.instants), q.shape[1]
+    values = program.values(q)
+    linearise_instants(curve_arrays(task), values.curve)
+    evaluators, sparsity = program.evaluators, program.evaluators.gradient_sparsity
+    inputs = values.inputs[:, :: task.stride].copy()
+    inputs[:n] = (q / joint_scales(task.arm)).T  # the samples are on the path; a spline passes near them
+    at_samples = evaluators.path(inputs)
+    path_jacobian = at_samples[task.rows :].reshape(task.rows, n, samples).transpose(2, 0, 1)
+    normal = np.linalg.svd(path_jacobian)[2][:, task.rows :].swapaxes(-1, -2)
+    if task.cyclic:
+        normal[-1] = normal[0]
+    if task.ties_end:
+        across = row_space_basis(path_jacobian[-1])
+        normal[-1] = normal[-2] - across @ (across.T @ normal[-2])
+    slopes = evaluators.gradient(values.inputs)
+    functions = len(slopes) - len(sparsity.rows)
+    function_gradients = np.zeros((functions, len(program.variables), instants))
+    function_gradients[sparsity.rows, sparsity.columns] = slopes[functions:]
+    wholes = sum(each.epigraph_columns for each in program.whole_functions)
+    basis, spline, columns = _basis(program, values.curve.chain, normal, wholes)
+    gradients, ties, tie_rows, cones = _whole_functions(program, values, basis, columns)
+    for k, total in enumerate(program.totals):
+        if total.kind == "sum":
+            gradients[k] = basis.T @ (function_gradients[total.index] * task.weights).ravel()
+        elif total.kind == "peak":
+            gradients[k, program.stencil.unknowns + program.slacks * instants + total.index] = 1.0
+    return MotionLinearisation(
+        program=program,
+        values=values,
+        x=q,
+        normal=normal,
+        path_jacobian=path_jacobian,
+        basis=basis,
+        spline=spline,
+        samples=_sample_basis(program, normal, columns),
+        function_gradients=function_gradients,
+        sample_inputs=inputs,
+        gradients=gradients,
+        inequalities=np.concatenate([values.inequalities, values.ties, *ties]),
+        jacobian=stack_rows([_limit_rows(program, function_gradients, basis), *tie_rows]),
+        cones=tuple(cones),
+    )
+
+
+def _basis(
+    program: MotionProgram, chain: np.ndarray, normal: np.ndarray, wholes: int
+) -> tuple[sparse.csr_array, sparse.csr_array, int]:
+    """Return how variables (variables · instants) and the spline's state change with the columns, and their number."""
+    stencil, instants, r = program.stencil, len(program.task.instants), normal.shape[2]
+    columns = stencil.unknowns + program.slacks * instants + program.peaks + wholes
+    begin = stencil.first_unknown[stencil.neighbours]
+    moves = np.einsum("oik,ikja->ojika", stencil.coefficients, normal[stencil.neighbours])
+    moves = moves.reshape(-1, *moves.shape[2:])  # (states, instants, width, r)
+    places = np.broadcast_to(begin[..., None] + np.arange(r), moves.shape)
+    rows = np.broadcast_to(np.arange(len(moves) * instants).reshape(-1, instants, 1, 1), moves.shape)
+    free = np.broadcast_to(((begin >= 0) & (stencil.coefficients != 0).any(axis=0))[..., None], moves.shape)
+
+    def matrix(entries: np.ndarray) -> sparse.coo_array:
+        return sparse.coo_array((entries[free], (rows[free], places[free])), shape=(moves[..., 0, 0].size, columns))
+
+    spline = matrix(moves)
+    parts = [matrix(np.einsum("abi,bikc->aikc", chain, moves)) if chain.size else spline]
+    parts += [spline] * (program.rates > program.states)
+    slacks, peaks = program.slacks * instants, np.arange(program.peaks * instants)
+    column = stencil.unknowns + np.concatenate([np.arange(slacks), slacks + peaks // instants])
+    ones = (np.ones(len(column)), (np.arange(len(column)), column))
+    parts.append(sparse.coo_array(ones, shape=(len(column), columns)))
+    return sparse.csr_array(sparse.vstack(parts)), sparse.csr_array(spline), columns
+
+
+def _sample_basis(program: MotionProgram, normal: np.ndarray, columns: int) -> sparse.csr_array:
+    """Return how q (dof · time) changes with the columns."""
+    samples, n, r = normal.shape
+    begin = program.stencil.first_unknown
+    entries = np.where((begin >= 0)[:, None, None], normal, 0.0).transpose(1, 0, 2)
+    rows = np.broadcast_to(np.arange(n * samples).reshape(n, samples, 1), entries.shape)
+    places = np.broadcast_to(np.maximum(begin, 0)[:, None] + np.arange(r), entries.shape)
+    shape = (n * samples, columns)
+    return sparse.coo_array((entries.ravel(), (rows.ravel(), places.ravel())), shape=shape).tocsr()
+
+
+def _whole_functions(
+    program: MotionProgram, values: MotionValues, basis: sparse.csr_array, columns: int
+) -> tuple[np.ndarray, list[np.ndarray], list[sparse.csr_array], list[Cone]]:
+    """Return gradients of all objectives, as far as wholes go, and the ties, their rows and the cones of wholes."""
+    gradients = np.zeros((len(program.totals), columns))
+    ties, tie_rows, cones = list[np.ndarray](), list[sparse.csr_array](), list[Cone]()
+    if not program.whole_functions:
+        return gradients, ties, tie_rows, cones
+    inputs_by_columns, u = _whole_basis(program, basis), program.whole_inputs(values.inputs)
+    column = columns - sum(each.epigraph_columns for each in program.whole_functions)
+    for k, total in enumerate(program.totals):
+        if total.kind != "whole":
+            continue
+        each, parts = program.whole_functions[total.index], values.parts[total.index]
+        rows = structural_product(each.jacobian(u), inputs_by_columns)
+        if not len(each.groups):
+            gradients[k, column] = 1.0
+            cones.append(Cone(column=column, values=each.factor * parts, rows=sparse.csr_array(each.factor * rows)))
+            column += 1
+            continue
+        for group in each.slices:
+            if group.stop - group.start == 1:
+                gradients[k] += rows[[group.start]].toarray()[0]
+                continue
+            gradients[k, column] = 1.0
+            ties.append(parts[group].max() - parts[group])
+            tie_rows.append(_epigraph_rows(rows[group], column))
+            column += 1
+    return gradients, ties, tie_rows, cones
+
+
+def _epigraph_rows(rows: sparse.csr_array, column: int) -> sparse.csr_array:
+    """Return a column, behind all those of ``rows``, minus the rows."""
+    ends = rows.indptr[1:]
+    entries, indices = np.insert(-rows.data, ends, 1.0), np.insert(rows.indices, ends, column)
+    return sparse.csr_array((entries, indices, rows.indptr + np.arange(len(rows.indptr))), shape=rows.shape)
+
+
+def _limit_rows(program: MotionProgram, function_gradients: np.ndarray, basis: sparse.csr_array) -> sparse.csr_array:
+    """Return the Jacobian of limits, divided by their ranges, and of ties of instants."""
+    which, at = program.limited.T
+    functions, variables, instants = function_gradients.shape
+    scales = np.append(program.ranges[: program.elastic], np.ones(len(which) - program.elastic))
+    sides, simple = program.sides / scales, which < variables
+    i, function = np.flatnonzero(~simple), program.sums + which[~simple] - variables
+    nonzero = np.zeros((functions, variables), dtype=bool)
+    sparsity = program.evaluators.gradient_sparsity
+    nonzero[sparsity.rows, sparsity.columns] = True
+    k, v = np.nonzero(nonzero[function])
+    entries = np.concatenate([sides[simple], function_gradients[function[k], v, at[i[k]]] * sides[i[k]]])
+    rows = np.concatenate([np.flatnonzero(simple), i[k]])
+    columns = np.concatenate([which[simple] * instants + at[simple], v * instants + at[i[k]]])
+    by_variables = sparse.coo_array((entries, (rows, columns)), shape=(len(which), variables * instants))
+    return structural_product(by_variables.tocsr(), basis)
+
+
+def _lagrangian_hessian(
+    at: MotionLinearisation, weights: np.ndarray, multipliers: np.ndarray, cone_multipliers: tuple[np.ndarray, ...]
+) -> sparse.csr_array:
+    """Return the Hessian (columns, columns) of weights · F + ν · h − multipliers · c − cone_multipliers · cones.
+
+    The path's multipliers ν are those that leave no gradient in the row space of its Jacobian. Of a spline h are also
+    the equations of its instants, with their first and second derivatives.
+    """
+    p, curve, path_jacobian = at.program, at.values.curve, at.path_jacobian
+    _functions, variables, instants = at.function_gradients.shape
+    orders, n = p.stencil.orders, p.task.arm.dof
+    by_limit, by_part = _part_multipliers(p, weights, multipliers, cone_multipliers)
+    factors, by_variable = _function_weights(p, weights, by_limit, at.function_gradients.shape)
+    by_variable += np.einsum("fs,fvs->vs", factors, at.function_gradients)
+    gradient = by_variable[: p.states].reshape(orders, n, instants).swapaxes(1, 2).ravel()
+    u = p.whole_inputs(at.values.inputs)
+    for each, part in zip(p.whole_functions, by_part, strict=True):
+        gradient = gradient + (each.jacobian(u).T @ part)[: len(gradient)]
+    by_curve = np.ascontiguousarray(gradient.reshape(orders, instants, n).swapaxes(1, 2)).reshape(-1, instants)
+    by_spline = np.empty_like(by_curve)
+    chain_gradient(curve, np.concatenate([by_curve, by_variable[p.states : p.rates]]), by_spline)
+    by_position = _by_positions(p, by_spline.reshape(orders, n, instants), len(path_jacobian))
+    right = -np.einsum("trj,tj->tr", path_jacobian, by_position)
+    square = path_jacobian @ np.swapaxes(path_jacobian, -1, -2)
+    inputs, (first, last) = at.values.inputs.copy(), p.evaluators.multipliers[:2]
+    at_samples = at.sample_inputs.copy()
+    at_samples[first : first + p.task.rows] = np.linalg.solve(square, right[..., None])[..., 0].T
+    by_sample = p.evaluators.path_hessian(at_samples).reshape(n, n, -1).transpose(2, 0, 1)
+    if p.task.differences == "spline":
+        curve_multipliers(curve_arrays(p.task), curve, by_curve, inputs[first + p.task.rows : last])
+    inputs[last:] = factors
+    hessian = at.basis.T @ (_by_variables(p, p.evaluators.hessian(inputs), variables, instants) @ at.basis)
+    hessian = hessian + at.samples.T @ (_block_diagonal(by_sample) @ at.samples)
+    if p.task.differences == "spline":
+        twist = np.zeros((instants, p.states, p.states))
+        for i in range(instants):
+            add_twist(curve, i, twist[i])
+        hessian = hessian + at.spline.T @ (_block_diagonal(twist) @ at.spline)
+    if p.whole_functions:
+        unknowns = p.stencil.unknowns
+        directions = _whole_basis(p, at.basis)[:, :unknowns]
+        for each, part in zip(p.whole_functions, by_part, strict=True):
+            dense = each.hessian_along(u, directions, part)
+            hessian = hessian + sparse.csr_array(np.pad(dense, (0, at.basis.shape[1] - unknowns)))
+    return sparse.csr_array(hessian)
+
+
+def _whole_basis(program: MotionProgram, basis: sparse.csr_array) -> sparse.csr_array:
+    """Return how the inputs of functions of the whole motion change with the columns."""
+    orders, n, instants = program.stencil.orders, program.task.arm.dof, len(program.task.instants)
+    order = np.arange(orders * n * instants).reshape(orders, n, instants).swapaxes(1, 2).ravel()
+    rows = basis[order]
+    rows.resize((4 * n * instants, basis.shape[1]))
+    return rows
+
+
+def _part_multipliers(
+    program: MotionProgram, weights: np.ndarray, multipliers: np.ndarray, cone_multipliers: tuple[np.ndarray, ...]
+) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Return the multipliers of limits and ties of samples, in their own units, and of the parts of every whole."""
+    count, elastic = len(program.sides), program.elastic
+    by_limit = np.concatenate([multipliers[:elastic] / program.ranges[:elastic], multipliers[elastic:count]])
+    by_part, tie, cone = list[np.ndarray](), count, 0
+    totals = {
+        total.index: weight for total, weight in zip(program.totals, weights, strict=True) if total.kind == "whole"
+    }
+    for k, each in enumerate(program.whole_functions):
+        part = np.zeros(each.parts)
+        for group in each.slices:
+            if group.stop - group.start == 1:
+                part[group] = totals[k]
+                continue
+            part[group] = multipliers[tie : tie + group.stop - group.start]
+            tie += group.stop - group.start
+        if not len(each.groups):
+            part = each.factor * np.asarray(cone_multipliers[cone]) if cone_multipliers else part
+            cone += 1
+        by_part.append(part)
+    return by_limit, by_part
+
+
+def _function_weights(
+    program: MotionProgram, weights: np.ndarray, by_limit: np.ndarray, shape: tuple[int, int, int]
+) -> tuple[Float[np.ndarray, "functions instants"], Float[np.ndarray, "variables instants"]]:
+    """Return the Lagrangian's weights of all functions of an instant, and those of the variables that limits bound."""
+    functions, variables, instants = shape
+    factors, by_variable = np.zeros((functions, instants)), np.zeros((variables, instants))
+    for total, weight in zip(program.totals, weights, strict=True):
+        if total.kind == "sum":
+            factors[total.index] += weight * program.task.weights
+    which, at = program.limited.T
+    rows = which >= variables
+    np.add.at(factors, (program.sums + which[rows] - variables, at[rows]), -program.sides[rows] * by_limit[rows])
+    np.add.at(by_variable, (which[~rows], at[~rows]), -program.sides[~rows] * by_limit[~rows])
+    return factors, by_variable
+
+
+def _by_positions(
+    program: MotionProgram, by_u: Float[np.ndarray, "orders dof instants"], samples: int
+) -> Float[np.ndarray, "time dof"]:
+    """Return what a gradient by positions and rates of all instants is by positions of the samples."""
+    shares = np.einsum("oik,oji->ikj", program.stencil.coefficients, by_u)
+    gradient = np.zeros((samples, by_u.shape[1]))
+    np.add.at(gradient, program.stencil.neighbours, shares)
+    return gradient
+
+
+def _by_variables(
+    program: MotionProgram, seconds: Float[np.ndarray, "entries instants"], variables: int, instants: int
+) -> sparse.csr_array:
+    """Return second derivatives by the variables of all instants as a symmetric matrix."""
+    i, j = program.evaluators.hessian_sparsity.rows, program.evaluators.hessian_sparsity.columns
+    s = np.arange(instants)
+    row, column = (i[:, None] * instants + s).ravel(), (j[:, None] * instants + s).ravel()
+    off = np.repeat(i != j, instants)
+    places = np.concatenate([row, column[off]]), np.concatenate([column, row[off]])
+    entries = np.concatenate([seconds.ravel(), seconds.ravel()[off]])
+    return sparse.coo_array((entries, places), shape=(variables * instants,) * 2).tocsr()
+
+
+def _block_diagonal(seconds: Float[np.ndarray, "blocks entries entries"]) -> sparse.csr_array:
+    """Return matrices on the diagonal of one whose rows are entry first, block second."""
+    blocks, entries, _ = seconds.shape
+    places = np.arange(entries * blocks).reshape(entries, blocks).T
+    row, column = np.broadcast_arrays(places[:, :, None], places[:, None, :])
+    shape = (entries * blocks,) * 2
+    return sparse.coo_array((seconds.ravel(), (row.ravel(), column.ravel())), shape=shape).tocsr()

@@ -1,0 +1,139 @@
+"""Motions as arrays for compiled code: a program, and what the steps of the interior-point method write."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from paretoik.compilation.numba_cache import compiled
+from paretoik.trajectory.curve_state_kernel import Curve, CurveWork, allocate_curve
+
+
+class MotionKernel(NamedTuple):
+    """A MotionProgram of sums and peaks, as arrays; see there, and ``self_motion_steps`` for the stencil.
+
+    A point has a row of joint positions for each sample, divided by ``scales``, then rows with the epigraph variables σ
+    of its peaks. Path equations are evaluated at the samples, functions at all instants. Functions of an instant are
+    sums, limited rows, the rows of peaks σ − piece among them, then the ties of slacks v.
+    """
+
+    value: tuple[np.ndarray, ...]
+    slope: tuple[np.ndarray, ...]
+    slope_of: np.ndarray
+    slope_by: np.ndarray
+    curvature: tuple[np.ndarray, ...]
+    second_i: np.ndarray
+    second_j: np.ndarray
+    track: tuple[np.ndarray, ...]
+    track_curvature: tuple[np.ndarray, ...]
+    curve: Curve
+    kinked: bool  # whether the spline's u are variables too, behind those of the curve
+    neighbours: np.ndarray
+    coefficients: np.ndarray
+    first_unknown: np.ndarray
+    unknowns: int
+    border: int  # so many unknowns, the last, belong to the border
+    stride: int  # instants from one sample to the next
+    stops: bool  # the last sample is the nearest to the one before
+    ones: np.ndarray
+    quadrature: np.ndarray
+    inputs: np.ndarray
+    multipliers: np.ndarray
+    limited: np.ndarray  # (limits, 2): variable or row, and sample
+    factors: np.ndarray  # (limits,): one over the range of a lower limit, minus that of an upper one
+    bounds: np.ndarray  # (limits,)
+    scales: np.ndarray  # (dof,): what joints are measured in
+    totals: np.ndarray  # (totals,): which sum it is; −1 − peak for a peak
+    peak_inputs: np.ndarray  # (peaks,)
+    row_peaks: np.ndarray  # (rows,): the peak that a row belongs to, −1 for none
+    kinks: np.ndarray  # (kinks, 4): input, variable, sign and first tie of a slack v, innermost first
+    nesting: int  # how many kinks lie within one another at most
+    smoothing: float  # of kinks, in barriers μ and sizes of their arguments: how many kinks there are at all instants
+    longest_step: float = 0.4  # [rad, arm's length] of any joint: too little to reach another branch unseen
+    penalty: float = 10.0  # of a whole range, in sizes of the objective
+    implied_slacks: bool = True
+    large_multiplier: float = np.inf
+    dual_fraction: float = 0.25  # of the way to its bounds that the multiplier of a kink moves at most
+    least_smoothing: float = 1e-9  # of these sizes: what rounding leaves of a kink
+
+
+class Workspace(NamedTuple):
+    """What the steps write: U variables of an instant, V slacks, K sums, G limited rows, r unknowns a sample."""
+
+    inputs: np.ndarray
+    curve: CurveWork
+    path_inputs: np.ndarray  # (inputs, time)
+    tracked: np.ndarray  # path equations and their Jacobian
+    track_seconds: np.ndarray  # (dof², time): second derivatives of the path equations, times their multipliers
+    tangent: np.ndarray  # (time, dof, r)
+    normal: np.ndarray  # (time, dof, rows)
+    triangle: np.ndarray  # (time, rows, rows)
+    values: np.ndarray  # (K + G + 2V, instants)
+    slopes: np.ndarray
+    seconds: np.ndarray
+    gradients: np.ndarray  # (K + G + 2V, U + V + peaks, instants) of functions by variables; by u, slacks follow
+    objective_gradients: np.ndarray  # (K, time, dof) of sums by q
+    by_row: np.ndarray  # (U + G, instants): a number a variable and a limited row
+    gradient_u: np.ndarray  # (U, instants)
+    gradient_spline: np.ndarray  # (states, instants): what it is by the spline's state
+    gradient_q: np.ndarray  # (time, dof)
+    du: np.ndarray  # (U, instants)
+    projected: np.ndarray  # (unknowns,)
+    widths: np.ndarray  # (V, 2): size of a kink's argument, and the width over which it is smoothed
+    arguments: np.ndarray  # (V, instants): half the difference of a kink's pieces
+    arguments_at: np.ndarray  # (V, instants): arguments where functions were last linearised
+    slopes_at: np.ndarray  # (V, instants): λ there, derivative of the smoothed absolute value of the argument
+    duals: np.ndarray  # (V, instants): λ̂, as Newton's method expects it
+    bends: np.ndarray  # (V, instants): second derivative, between λ and its dual
+    slack_gradients: np.ndarray  # (V, U, instants)
+    slack_weights: np.ndarray  # (V, instants): the Lagrangian's weight of a kink's bend
+
+
+@compiled
+def sample_count(kernel):
+    """Return the number of samples."""
+    return (len(kernel.ones) - 1) // kernel.stride + 1
+
+
+@compiled
+def allocate(kernel, n):
+    """Return the workspace for motions of n joints."""
+    samples, instants = sample_count(kernel), len(kernel.ones)
+    slacks, unknowns = len(kernel.kinks), kernel.unknowns
+    states = kernel.coefficients.shape[0] * n
+    variables = 2 * states if kernel.kinked else states
+    rows = len(kernel.curve.row_scales)
+    sums = kernel.multipliers[2] - kernel.multipliers[1]
+    limited = len(kernel.row_peaks)
+    functions = sums + limited + 2 * slacks
+    by_slack = np.zeros((6, slacks, instants))
+    return Workspace(
+        kernel.inputs.copy(),
+        allocate_curve(kernel.curve, states),
+        kernel.inputs[:, :: kernel.stride].copy(),
+        np.empty((rows + rows * n, samples)),
+        np.empty((n * n, samples)),
+        np.zeros((samples, n, n - rows)),
+        np.zeros((samples, n, rows)),
+        np.zeros((samples, rows, rows)),
+        np.empty((functions, instants)),
+        np.empty((functions + len(kernel.slope_of), instants)),
+        np.empty((len(kernel.second_i), instants)),
+        np.zeros((functions, variables + slacks + len(kernel.peak_inputs), instants)),
+        np.zeros((sums, samples, n)),
+        np.zeros((variables + limited, instants)),
+        np.zeros((variables, instants)),
+        np.zeros((states, instants)),
+        np.zeros((samples, n)),
+        np.zeros((variables, instants)),
+        np.zeros(unknowns),
+        np.zeros((slacks, 2)),
+        by_slack[0],
+        by_slack[1],
+        by_slack[2],
+        by_slack[3],
+        by_slack[4],
+        np.zeros((slacks, variables, instants)),
+        by_slack[5],
+    )

@@ -1,0 +1,541 @@
+"""Certificates by differences: no direction along the self-motion improves all objectives at once.
+
+Along directions d that keep the path, a point is critical if no d lowers all objectives while limits hold, to first
+order: a linear program over the box |d| ≤ r inside the unit ball,
+
+    maximise    t
+    subject to  gᵢ·d + Σ wₖ eₖ + t ≤ 0      for every objective i
+                eₖ ≥ vₖₚ − vₖ + gₖₚ·d       for every piece p of its term k: absolute values, peaks, distances
+                c + J d ≤ 0                 for every limit, as a share of its range
+                −r ≤ d ≤ r
+
+The value is a lower bound of the criticality χ, and 0 if and only if χ is. Derivatives are central differences of the
+definitions. A user's function may have kinks that nobody names: the direction found is then tried, and if objectives do
+not fall along it, their slopes there are further pieces, until a better motion is shown or no direction is left.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy import sparse
+from scipy.linalg import null_space
+from scipy.optimize import linprog
+
+from paretoik.front.certificates import STATUSES
+from paretoik.verification.arm_model import OPTIONS, TOLERANCES, ArmModel
+from paretoik.verification.measured_motion import MeasuredMotion, measure
+from paretoik.verification.motion_checks import finer_motion, project, project_curve
+from paretoik.verification.objectives import Terms, clearance_range, is_own_integral, limit_shares, objective_terms
+from paretoik.verification.path_targets import path_points, task_error
+from paretoik.verification.run_contents import Check, RunContents, demand, judge, leave_out
+
+# The table and the arrays of a run by themselves, without the problem.
+
+
+EXCEEDS = "limits exceeded between samples"  # status of an optimum that no tightening brings within its limits
+
+
+def check_tables(run: RunContents) -> Iterator[Check]:
+    """Check ids, objectives, arrays and certificates of a front or a plan."""
+    ids, values = run.ids, run.values
+    yield demand("ids", len(set(ids.tolist())) == len(ids), "an id stands in the table twice")
+    declared = run.entries.get("points")
+    if declared is not None:
+        yield demand("ids", declared == len(ids), f"run.json says {declared} points, the table has {len(ids)}")
+    for each in run.objectives:
+        name = str(each.get("name"))
+        yield demand("objectives' names", name in run.table, f"run.json names {name!r}, the table has no such column")
+    yield demand("finite values", np.isfinite(values).all(), "an objective in the table is no finite number")
+    yield from _check_order(run, values)
+    yield from _check_arrays(run)
+    if "objective" not in run.entries and np.isfinite(run.table.get("criticality", np.nan)).any():
+        yield from _check_rates(run)
+
+
+def _check_order(run: RunContents, values: np.ndarray) -> Iterator[Check]:
+    """Check that no point dominates another; of a plan, that the best comes first."""
+    signs = np.array([-1.0 if each.get("maximised") else 1.0 for each in run.objectives])
+    F = values * signs
+    if "objective" in run.entries:
+        exceeds = run.table.get("status", np.zeros(len(F), dtype=np.str_)) == EXCEEDS  # these come last
+        in_order = np.array_equal(np.lexsort((F[:, 0], exceeds)), np.arange(len(F)))
+        yield demand("order of optima", in_order, "a later optimum is better than the one before")
+        return
+    for row, one in enumerate(F):
+        better = (one >= F).all(axis=1) & (one > F).any(axis=1)
+        by = int(run.ids[int(better.argmax())])
+        yield demand("non-domination", not better.any(), f"point {by} dominates it", point=int(run.ids[row]))
+    for each in run.objectives:
+        low, high = (float(side) for side in each.get("range", (np.nan, np.nan)))
+        yield demand("ranges", low <= high, f"the range of {each.get('name')} in run.json is no range")
+
+
+def _check_arrays(run: RunContents) -> Iterator[Check]:
+    arrays = run.motions
+    if "q" not in arrays:
+        yield leave_out("motions", "the run stores none")
+        return
+    q, time, joints = (np.asarray(arrays.get(name, np.empty(0))) for name in ("q", "time", "joint_names"))
+    stored = np.asarray(arrays.get("id", np.empty(0)))
+    yield demand("ids", np.array_equal(stored, run.ids), "motions.npz has other ids than the table")
+    fits = q.ndim == 3 and time.shape == q.shape[:2] and joints.shape == q.shape[2:] and len(q) == len(run.ids)
+    yield demand(
+        "shapes", fits, f"q {q.shape}, time {time.shape} and joint_names {joints.shape} do not belong together"
+    )
+    if not fits:
+        return
+    yield demand("joint names", len(set(joints.tolist())) == len(joints), "a joint stands in motions.npz twice")
+    for row, number in enumerate(run.ids.tolist()):
+        finite = np.isfinite(q[row]).all() and np.isfinite(time[row]).all()
+        yield demand("finite motions", finite, "a joint position or a time is no finite number", point=number)
+        yield demand("times", (np.diff(time[row]) > 0).all(), "times do not increase", point=number)
+
+
+def _check_rates(run: RunContents) -> Iterator[Check]:
+    """Check that exchange rates follow from the weights, and lie in their intervals."""
+    arrays, objectives = run.motions, run.objectives
+    for name in ("weights", "exchange_rates", "exchange_intervals"):
+        if name not in arrays or len(arrays[name]) != len(run.ids):
+            yield demand("certificates", False, f"motions.npz has no {name} of all points")
+            return
+    size = certified_ranges(run)
+    signs = np.array([-1.0 if each.get("maximised") else 1.0 for each in objectives])
+    for row, number in enumerate(run.ids.tolist()):
+        weights = np.asarray(arrays["weights"][row])
+        status = str(run.table["status"][row])
+        yield demand("certificates", status in STATUSES, f"{status!r} is no status", point=number)
+        if not np.isfinite(weights).all():
+            yield leave_out("exchange rates", "no weights were found", point=number)
+            continue
+        off = max(abs(float(weights.sum()) - 1.0), float(-weights.min()))
+        yield judge("weights", off, TOLERANCES.sums, "weights are not positive with the sum 1", point=number)
+        rates, intervals = arrays["exchange_rates"][row], arrays["exchange_intervals"][row]
+        finite = np.isfinite(rates) & ~np.eye(len(weights), dtype=bool)
+        if not finite.any() or (size == 0).any():
+            yield leave_out("exchange rates", "a rate has no single value there", point=number)
+            continue
+        natural = weights / size * signs
+        with np.errstate(divide="ignore", invalid="ignore"):
+            expected = -natural[:, None] / natural[None, :]
+        scale = np.maximum(np.abs(expected), np.finfo(float).tiny)
+        off = float(np.max((np.abs(rates - expected) / scale)[finite]))
+        yield judge("exchange rates", off, TOLERANCES.rates, "a rate is not the ratio of the weights", point=number)
+        bounded = finite & np.isfinite(intervals).all(axis=-1)
+        below, above = intervals[..., 0] - rates, rates - intervals[..., 1]
+        off = float(np.max((np.maximum(below, above) / scale)[bounded], initial=0.0))
+        yield judge("exchange intervals", off, TOLERANCES.rates, "a rate is outside its interval", point=number)
+
+
+def certified_ranges(run: RunContents) -> np.ndarray:
+    """Return the ranges (n_obj,) that the weights of a run are over."""
+    return np.array([float(each["range"][1]) - float(each["range"][0]) for each in run.objectives])
+
+
+SUBJECTS = ("criticality by differences", "weights by differences")
+CRITICAL = ("minimum", "saddle", "converged", "under-resolved")  # statuses that claim criticality
+
+
+def check_certificate(
+    run: RunContents, task: Any, model: ArmModel, objectives: Any, row: int, time: np.ndarray, q: np.ndarray
+) -> Iterator[Check]:
+    """Check the criticality of a point if the run claims one, and its weights if it has any."""
+    point, status = int(run.ids[row]), status_of(run, row)
+    stated = "objective" not in run.entries and "criticality" in run.table
+    residual = float(run.table["criticality"][row]) if stated else np.nan
+    if status not in CRITICAL and np.isnan(residual):
+        return
+    size, weights = _sizes(run, row), np.ones(1)
+    if "objective" not in run.entries:
+        weights = np.asarray(run.motions["weights"][row]) if "weights" in run.motions else np.full(len(size), np.nan)
+        excess = max(residual - TOLERANCES.criticality, 0.0) if status in CRITICAL else 0.0
+        yield demand("certificates", not excess, f"{status!r} wants criticality 0, got {residual:.3g}", point=point)
+    accepted = TOLERANCES.criticality + (0.0 if status in CRITICAL else max(residual, 0.0))
+    signs = np.array([-1.0 if each.get("maximised") else 1.0 for each in run.objectives])
+    known, reason = bool(np.isfinite(weights).all()), ""
+    some = weights if known else np.full(len(size), 1.0 / len(size))
+    try:
+        gain, weighted, steepest = _gains(task, model, objectives, signs / size, some, time, q, accepted)
+        if gain > accepted and any(is_own_integral(each) for each in objectives):
+            kinked = _gains(task, model, objectives, signs / size, some, time, q, accepted, own_kinks=True)
+            gain, weighted, steepest = min((gain, weighted, steepest), kinked)
+    except UndecidedError as fault:
+        reason = str(fault)
+    except Exception as fault:  # a user's function may raise anything
+        reason = f"a function fails here: {(str(fault).splitlines() or [type(fault).__name__])[0]}"
+    if reason:
+        yield from (leave_out(subject, reason, point=point) for subject in SUBJECTS)
+        return
+    detail = f"a direction improves all objectives by {gain:.3g} of their ranges, the table says {residual:.3g}"
+    yield judge(SUBJECTS[0], gain, accepted, detail, point=point)
+    detail = f"a direction improves the weighted sum by {weighted:.3g} of its range: the weights are others"
+    if not known:
+        yield leave_out(SUBJECTS[1], "no weights were found", point=point)
+    elif len(weights) > 1:
+        yield judge(SUBJECTS[1], weighted, max(TOLERANCES.weights * steepest, accepted), detail, point=point)
+    yield leave_out(
+        "curvature", "second derivatives, which tell a minimum from a saddle, are not computed", point=point
+    )
+
+
+def status_of(run: RunContents, row: int) -> str:
+    """Return the status of a point in the table, "" if it has none."""
+    return str(run.table["status"][row]) if "status" in run.table else ""
+
+
+class UndecidedError(Exception):
+    """Differences cannot decide whether a point is critical; the text says why."""
+
+
+def _sizes(run: RunContents, row: int) -> np.ndarray:
+    """Return what objectives are divided by (n_obj,): ranges of the run, or if there is none the value, or 1 unit."""
+    if "objective" in run.entries:
+        return np.maximum(np.abs(run.values[row]), np.finfo(float).tiny)
+    size = certified_ranges(run)
+    return np.where(size > 0, size, np.maximum(np.abs(run.values[row]), 1.0))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Pieces:
+    """Pieces of an objective's terms to first order: their ``values``, and ``slopes`` (pieces, directions).
+
+    ``terms`` (pieces,) are the terms that they belong to. ``weights`` are those of the terms, None if the largest term
+    counts.
+    """
+
+    terms: np.ndarray
+    values: np.ndarray
+    slopes: np.ndarray
+    weights: np.ndarray | None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FirstOrder:
+    """Objectives and limits to first order; ``bounds`` are the values of limits, shares of ranges that must be ≤ 0."""
+
+    objectives: tuple[Pieces, ...]
+    limits: np.ndarray
+    bounds: np.ndarray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Neighbours:
+    """Motions near one on its path, by coordinates along the self-motion of each sample that may move.
+
+    ``frames`` (samples, redundancy, dof) are the directions of each of the ``samples``.
+    """
+
+    task: Any
+    model: ArmModel
+    time: np.ndarray
+    q: np.ndarray
+    samples: np.ndarray
+    frames: np.ndarray
+
+    @property
+    def promises_between(self) -> bool:
+        """Whether refined motions keep limits between samples too."""
+        limited = self.task.bounds or self.task.obstacles or self.task.constraints
+        return bool(limited) and self.task.differences == "spline"
+
+    @property
+    def size(self) -> int:
+        """Number of coordinates."""
+        return self.frames.shape[0] * self.frames.shape[1]
+
+    def move(self, d: np.ndarray) -> np.ndarray:
+        """Return the motion at coordinates, on the path again."""
+        shares = d.reshape(self.frames.shape[:2])
+        moved = self.q.copy()
+        touched = np.flatnonzero(np.abs(shares).max(axis=1) > 0)
+        place = self.samples[touched]
+        moved[place] += np.einsum("sr,srj->sj", shares[touched], self.frames[touched])
+        moved[place] = project(self.model, self.task.tasks, moved[place], self.time[place])[0]
+        if self.task.cyclic:
+            moved[-1] = moved[0]
+        if self.task.ties_end:
+            moved[-1] = project(self.model, self.task.tasks, moved[-2:-1], self.time[-1:], self.q[-1:])[0][0]
+        return moved
+
+
+def _gains(
+    task: Any,
+    model: ArmModel,
+    objectives: Any,
+    factors: np.ndarray,
+    weights: np.ndarray,
+    time: np.ndarray,
+    q: np.ndarray,
+    accepted: float,
+    *,
+    own_kinks: bool = False,
+) -> tuple[float, float, float]:
+    """Return the gain of all objectives at once, that of their weighted sum, and that of the steepest alone.
+
+    Raises UndecidedError if kinks leave it open.
+    """
+    near = _neighbours(task, model, time, q)
+
+    def evaluate(d: np.ndarray) -> list[Terms]:
+        motion = measure(model, task, time, near.move(d))
+        terms = [
+            objective_terms(each, motion, factor, own_kinks=own_kinks)
+            for each, factor in zip(objectives, factors, strict=True)
+        ]
+        return [*terms, _limit_terms(task, motion)]
+
+    at = _linearise(near, evaluate, np.zeros(near.size))
+    box = 1.0 / np.sqrt(near.frames.shape[1])
+    gain, at = _shown_gain(near, evaluate, at, box, accepted)
+    weighted = gain if len(weights) == 1 else _best_gain(at, box, weights[None])[0]
+    free = replace(at, limits=at.limits[:0], bounds=at.bounds[:0])
+    steepest = max(_best_gain(free, box, row[None])[0] for row in np.eye(len(weights)))
+    return gain, weighted, steepest
+
+
+def _neighbours(task: Any, model: ArmModel, time: np.ndarray, q: np.ndarray) -> Neighbours:
+    """Return the motions near one; raises UndecidedError if the end of a motion that is tied is not where it should."""
+    frames = list[np.ndarray]()
+    for k in range(len(time)):
+        parts = []
+        for each in task.tasks:
+            x, turned = path_points(each.path, time[k : k + 1])
+            parts.append(task_error(model, each, q[k], x[0], None if turned is None else turned[0])[1])
+        frames.append((null_space(np.concatenate(parts) * model.scales) * model.scales[:, None]).T)
+    redundancy = min(len(frame) for frame in frames)
+    first, last = int(task.start is not None), len(time) - int(task.cyclic or task.ties_end)
+    samples = np.arange(first, last)
+    near = Neighbours(
+        task=task,
+        model=model,
+        time=time,
+        q=q,
+        samples=samples,
+        frames=np.array([frames[k][:redundancy] for k in samples]),
+    )
+    if task.ties_end and np.abs(near.move(np.zeros(near.size))[-1] - q[-1]).max() > TOLERANCES.on_path:
+        raise UndecidedError("its end at rest is not the nearest posture to the one before")
+    return near
+
+
+def _linearise(near: Neighbours, evaluate: Callable[[np.ndarray], list[Terms]], d: np.ndarray) -> FirstOrder:
+    """Return objectives and limits to first order at coordinates, by central differences.
+
+    Terms of an instant depend on samples near by only, so that samples far apart are moved at once. If that does not
+    foresee what a random direction does, each sample is moved alone. Raises UndecidedError at a concave kink.
+    """
+    terms = evaluate(d)
+    instants = np.concatenate([np.tile(each.instants, len(each.pieces)) for each in terms])
+    middle = _flat(terms)
+    for spacing in (OPTIONS.spacing, len(near.time)):
+        if spacing < len(near.time) and (instants < 0).any():
+            continue
+        slopes, bend = _slopes(near, evaluate, d, middle, instants, spacing)
+        if spacing >= len(near.time):
+            break
+        u = np.random.default_rng(0).uniform(-1.0, 1.0, near.size)
+        seen = (_flat(evaluate(d + OPTIONS.step * u)) - _flat(evaluate(d - OPTIONS.step * u))) / (2 * OPTIONS.step)
+        foreseen = slopes @ u
+        if (np.abs(seen - foreseen) <= OPTIONS.foreseen * (np.abs(slopes) @ np.abs(u)) + OPTIONS.foreseen).all():
+            break
+    objectives, first = [], 0
+    for each in terms[:-1]:
+        rows = slice(first, first + each.pieces.size)
+        first = rows.stop
+        if len(each.pieces) == 1 and (bend[rows] < -OPTIONS.kink * np.abs(slopes[rows]).max(axis=1)).any():
+            nearer = _slopes(near, evaluate, d, middle, instants, spacing, OPTIONS.step / 10)[1]
+            if (nearer[rows] < np.minimum(bend[rows] / 2, -OPTIONS.kink * np.abs(slopes[rows]).max(axis=1))).any():
+                raise UndecidedError("an objective has a kink that opens downwards there")
+        numbers = np.tile(np.arange(each.pieces.shape[1]), len(each.pieces))
+        objectives.append(Pieces(terms=numbers, values=each.pieces.ravel(), slopes=slopes[rows], weights=each.weights))
+    finite = np.isfinite(middle[first:])
+    return FirstOrder(objectives=tuple(objectives), limits=slopes[first:][finite], bounds=middle[first:][finite])
+
+
+def _slopes(
+    near: Neighbours,
+    evaluate: Callable[[np.ndarray], list[Terms]],
+    d: np.ndarray,
+    middle: np.ndarray,
+    instants: np.ndarray,
+    spacing: int,
+    step: float = OPTIONS.step,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the derivatives (values, coordinates), and the least bend (values,) along any coordinate."""
+    count, redundancy = near.frames.shape[:2]
+    stride = 2 if near.task.differences == "spline" else 1
+    cycle = len(near.time) - 1 if near.task.cyclic else 0
+    if cycle:
+        spacing = next(s for s in range(min(spacing, cycle), cycle + 1) if cycle % s == 0)
+    slopes, bend = np.zeros((len(middle), count, redundancy)), np.zeros(len(middle))
+    for color in range(min(spacing, count)):
+        members = np.arange(color, count, spacing)
+        away = np.abs(instants[:, None] / stride - near.samples[members])
+        away = np.minimum(away, np.abs(cycle - away)) if cycle else away
+        owner = members[away.argmin(axis=1)]
+        for k in range(redundancy):
+            by = np.zeros((count, redundancy))
+            by[members, k] = step
+            ahead, back = (_flat(evaluate(d + sign * by.ravel())) for sign in (1.0, -1.0))
+            with np.errstate(invalid="ignore"):
+                slopes[np.arange(len(middle)), owner, k] = (ahead - back) / (2 * step)
+                bend = np.fmin(bend, (ahead - 2 * middle + back) / step)
+    return slopes.reshape(len(middle), -1), bend
+
+
+def _flat(terms: Sequence[Terms]) -> np.ndarray:
+    return np.concatenate([each.pieces.ravel() for each in terms])
+
+
+def _limit_terms(task: Any, motion: MeasuredMotion) -> Terms:
+    """Return all limits as shares of their ranges, negative if they hold; −inf without a limit."""
+    count = motion.time.shape[1]
+    shares = list(limit_shares(task, motion).values())
+    if task.obstacles:
+        distances = motion.pair_clearances.reshape(count, -1)
+        shares.append((task.min_clearance - distances) / clearance_range(task, motion.model))
+    whole = list[float]()
+    for each in task.constraints:
+        values = np.asarray(each.function(motion), dtype=float)
+        values = motion.integral(values) if each.form == "integral" else values.reshape(-1)
+        sides = np.stack([values - each.upper, each.lower - values], axis=-1) / each.scale
+        if each.form == "peak":
+            shares.append(sides)
+        else:
+            whole += sides.ravel().tolist()
+    local = np.concatenate([share.ravel() for share in shares]) if shares else np.zeros(0)
+    instants = [np.repeat(np.arange(count), share.shape[1]) for share in shares]
+    return Terms(
+        pieces=np.append(local, whole)[None],
+        instants=np.concatenate([*instants, np.full(len(whole), -1)]).astype(int),
+        weights=None,
+    )
+
+
+def _total(terms: Terms) -> float:
+    largest = terms.pieces.max(axis=0)
+    return float(largest.max() if terms.weights is None else largest @ terms.weights)
+
+
+def _shown_gain(
+    near: Neighbours,
+    evaluate: Callable[[np.ndarray], list[Terms]],
+    at: FirstOrder,
+    box: float,
+    accepted: float,
+) -> tuple[float, FirstOrder]:
+    """Return the gain of all objectives at once; one above ``accepted`` only if a motion shows it.
+
+    On the way there all objectives fall with at least half of the slope that is foreseen, and no limit is exceeded more
+    than before, at any instant or between. Raises UndecidedError if kinks or limits between samples leave it open.
+    """
+    start = np.array([_total(each) for each in evaluate(np.zeros(near.size))[:-1]])
+    between = np.zeros(0)
+    if near.promises_between:  # limits that refinement keeps inside count as active there too
+        between = np.maximum(_between(near, np.zeros(near.size)), -TOLERANCES.tightened)
+    reason = ""
+    for _ in range(OPTIONS.rounds):
+        gain, d = _best_gain(at, box, np.eye(len(at.objectives)))
+        if gain <= accepted:
+            return gain, at
+        for step in OPTIONS.trials:
+            *objectives, limits = evaluate(step * d)
+            far = np.array([_total(each) for each in objectives])
+            half = np.array([_total(each) for each in evaluate(step / 2 * d)[:-1]])
+            falls = ((4 * half - far - 3 * start) / step).max() <= -gain / 2  # slopes ahead, curvature aside
+            kept = limits.pieces.max(initial=0.0) <= max(at.bounds.max(initial=0.0), 0.0) + TOLERANCES.limits
+            if falls and kept:
+                if not len(between) or (_between(near, step * d) <= between + TOLERANCES.limits).all():
+                    return gain, at
+                reason = "a direction improves all objectives, but comes nearer to limits between samples"
+        if reason:
+            raise UndecidedError(reason)
+        there = _linearise(near, evaluate, OPTIONS.probe * d)
+        pairs = zip(at.objectives, there.objectives, strict=True)
+        at = replace(at, objectives=tuple(_with_pieces(one, other, OPTIONS.probe * d) for one, other in pairs))
+    raise UndecidedError("kinks of an objective leave it open")
+
+
+def _between(near: Neighbours, d: np.ndarray) -> np.ndarray:
+    """Return all limits of the motion at coordinates on the finer grid, as shares of their ranges."""
+    curve = project_curve(near.task, near.model, near.time, near.move(d))
+    return _limit_terms(near.task, finer_motion(near.task, near.model, curve, near.time)).pieces.ravel()
+
+
+def _with_pieces(at: Pieces, there: Pieces, d: np.ndarray) -> Pieces:
+    """Return the pieces of an objective with those of a motion near by, at coordinates, that have other slopes."""
+    values = there.values - there.slopes @ d
+    own = at.slopes[: len(there.slopes)]
+    other = np.abs(there.slopes - own).max(axis=1) > OPTIONS.kink * np.abs(own).max(axis=1)
+    return replace(
+        at,
+        terms=np.append(at.terms, there.terms[other]),
+        values=np.append(at.values, np.minimum(values, at.values[: len(values)])[other]),
+        slopes=np.concatenate([at.slopes, there.slopes[other]]),
+    )
+
+
+def _best_gain(at: FirstOrder, box: float, mixtures: np.ndarray) -> tuple[float, np.ndarray]:
+    """Return the most that all mixtures (rows, n_obj) of objectives fall at once, and the direction in the box."""
+    directions = at.limits.shape[1]
+    linear, rows, right, columns, epigraphs = [], [], [], [], 0
+    shares = list[list[tuple[int, float]]]()
+    for each in at.objectives:
+        slope, own = np.zeros(directions), list[tuple[int, float]]()
+        terms = each.terms if each.weights is not None else np.zeros(len(each.terms), dtype=int)
+        weights = np.ones(1) if each.weights is None else each.weights
+        order = np.lexsort((-each.values, terms))
+        heads = order[np.unique(terms[order], return_index=True)[1]]  # the largest piece of each term
+        head = np.empty(len(weights), dtype=int)
+        head[terms[heads]] = heads
+        lengths = np.abs(each.slopes).sum(axis=1)
+        slack = each.values[head[terms]] - each.values
+        reached = (slack <= box * (lengths + lengths[head[terms]])) & (weights[terms] > 0)
+        several = np.bincount(terms[reached], minlength=len(weights)) > 1
+        smooth = head[~several]
+        slope = weights[terms[smooth]] @ each.slopes[smooth]
+        for term in np.flatnonzero(several):
+            members = np.flatnonzero(reached & (terms == term))
+            rows.append(each.slopes[members])
+            right.append(slack[members])
+            columns += [epigraphs] * len(members)
+            own.append((epigraphs, float(weights[term])))
+            epigraphs += 1
+        linear.append(slope)
+        shares.append(own)
+    bounded = at.bounds > -np.abs(at.limits).sum(axis=1) * box
+    table = np.zeros((len(at.objectives), epigraphs))
+    for i, own in enumerate(shares):
+        for column, weight in own:
+            table[i, column] = weight
+    ties = len(columns)
+    pieces = np.concatenate([np.zeros((0, directions)), *rows])
+    epigraph = sparse.csr_array((-np.ones(ties), (np.arange(ties), columns)), shape=(ties, epigraphs))
+    matrix = sparse.block_array(
+        [
+            [
+                sparse.csr_array(mixtures @ np.array(linear)),
+                sparse.csr_array(mixtures @ table),
+                np.ones((len(mixtures), 1)),
+            ],
+            [sparse.csr_array(pieces), epigraph, np.zeros((ties, 1))],
+            [
+                sparse.csr_array(at.limits[bounded]),
+                sparse.csr_array((int(bounded.sum()), epigraphs)),
+                np.zeros((int(bounded.sum()), 1)),
+            ],
+        ],
+        format="csr",
+    )
+    slacks = np.maximum(-at.bounds[bounded] - TOLERANCES.tightened, 0.0)
+    upper = np.concatenate([np.zeros(len(mixtures)), *right, slacks])
+    cost = np.zeros(directions + epigraphs + 1)
+    cost[-1] = -1.0
+    limits = [*[(-box, box)] * directions, *[(None, None)] * epigraphs, (0.0, None)]
+    result = linprog(cost, A_ub=matrix, b_ub=upper, bounds=limits, method="highs")
+    if result.status != 0:
+        raise UndecidedError(f"the linear program of its gain ends with: {result.message}")
+    return float(-result.fun), np.asarray(result.x[:directions])

@@ -1,0 +1,278 @@
+"""Closed loops: what the run says of the tool's error, the drift, steps and objectives of the paper."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import interp1d
+
+from paretoik.verification.arm_model import TOLERANCES, ArmModel
+from paretoik.verification.measured_motion import MeasuredMotion, measure
+from paretoik.verification.motion_checks import check_limits, check_path, least_clearance
+from paretoik.verification.objectives import objective_value
+from paretoik.verification.path_targets import orientation_errors, sample_points, task_axes, tracking_errors
+from paretoik.verification.run_contents import Check, RunContents, Worst, demand, judge, leave_out
+
+# Numbers of a method that were searched for: what the table may say, by the one motion of each point that is stored.
+#
+# The table has the worst, or the mean, of motions from several starts; of these the first is stored. Nothing here
+# follows a path by the method a second time, so that a worst value is bounded by the stored motion's, from one side.
+
+
+MEASURES = "paretoik.resolution.measures"  # where objectives of resolved motions are defined
+
+
+def check_tuning(run: RunContents, problem: Any, model: ArmModel) -> Iterator[Check]:
+    """Check the stored motions of tuned methods: times, starts, distance from the path, and objectives as bounds."""
+    task = problem.task
+    listed = [str(each["name"]) for each in run.objectives]
+    names = [each.name for each in task.objectives]
+    yield demand("objectives' names", listed == names, f"the problem has {names}, run.json {listed}")
+    yield from check_path(task, model)
+    for row, number in enumerate(run.ids.tolist()):
+        time, q = (np.asarray(run.motions[name][row], dtype=float) for name in ("time", "q"))
+        times = np.asarray(task.times)
+        if len(time) != len(times) or not np.allclose(time, times, rtol=0.0, atol=TOLERANCES.times * times[-1]):
+            yield leave_out("motions against the path", "the method takes its own time", point=number)
+            continue
+        yield _check_start(run, problem, q[0], row, number)
+        errors = sample_errors(model, task, q)
+        if problem.tolerance is not None and float(run.table["violation"][row]) <= 0:
+            off = float(np.abs(errors).max())
+            detail = f"its tool is {off:.3g} off the path, {problem.tolerance:g} is the tolerance"
+            yield judge("tracking", off, float(problem.tolerance) * (1 + TOLERANCES.values), detail, point=number)
+        if listed == names:
+            motion = measure(model, task, time, q)
+            yield from _check_objectives(run, problem, motion, errors, row, number)
+    yield from _left_out(problem)
+
+
+def sample_errors(model: ArmModel, task: Any, q: np.ndarray) -> np.ndarray:
+    """Return the errors (time, rows) [m, rad] of all task equations at the samples."""
+    parts = list[np.ndarray]()
+    for each in task.tasks:
+        positions, rotations = sample_points(each.path)
+        size, turning = task_axes(each, model.arm)
+        here, place = model.poses(q, each.frame)
+        parts.append(positions[:, :size] - place[:, :size])
+        if turning and rotations is not None:
+            parts.append(orientation_errors(each.axes, here, rotations)[:, list(turning)])
+    return np.concatenate(parts, axis=1)
+
+
+def _check_start(run: RunContents, problem: Any, posture: np.ndarray, row: int, point: int) -> Check:
+    """Check that a motion begins in its own start: of several that its gene chooses, else the first."""
+    starts = np.asarray(problem.starts)
+    names = [each.name for each in problem.parameters]
+    if "start" not in names:
+        possible = starts[:1]
+    elif "genes" in run.motions:
+        share = float(np.asarray(run.motions["genes"])[row, names.index("start")])
+        possible = starts[[min(int(share * len(starts)), len(starts) - 1)]]
+    else:
+        possible = starts
+    off = float(np.abs(possible - posture).max(axis=1).min())
+    return judge("start", off, TOLERANCES.on_path, "it does not begin in the start that is its own", point=point)
+
+
+def _check_objectives(
+    run: RunContents, problem: Any, motion: MeasuredMotion, errors: np.ndarray, row: int, point: int
+) -> Iterator[Check]:
+    """Check the table's objectives: equal to the stored motion's where that alone counts, else no better."""
+    alone = problem.judged_starts == 1
+    for objective, entry, value in zip(problem.task.objectives, run.objectives, run.values[row], strict=True):
+        subject = f"objective {objective.name}"
+        if not alone and problem.judged_by != "worst":
+            continue
+        try:
+            expected = _value(objective, motion, errors)
+        except Exception as fault:  # a user's function may raise anything
+            line = (str(fault).splitlines() or [type(fault).__name__])[0]
+            yield leave_out(subject, f"its function fails here: {line}", point=point)
+            continue
+        if expected is None:
+            yield leave_out(subject, "it counts what the method did, which is not in the files", point=point)
+            continue
+        low, high = entry.get("range", (0.0, 0.0))
+        size = max(abs(expected), abs(float(high) - float(low)), 1e-12)
+        better = (expected - value) * (-1.0 if objective.maximise else 1.0)
+        text = f"the table says {value:.10g} {objective.unit}".rstrip()
+        if alone:
+            yield judge(subject, abs(better) / size, TOLERANCES.values, f"{text}, it is {expected:.10g}", point=point)
+        else:
+            detail = f"{text}, the worst of {problem.judged_starts}; one of them alone has {expected:.10g}"
+            yield judge(subject, max(better, 0.0) / size, TOLERANCES.values, detail, point=point)
+
+
+def _value(objective: Any, motion: MeasuredMotion, errors: np.ndarray) -> float | None:
+    """Return an objective of a stored motion; None of what only the method knows."""
+    function = objective.function
+    if getattr(function, "__module__", None) != MEASURES:
+        return objective_value(objective, motion)
+    if function.__name__ == "distance":
+        return _distance(motion, inspect.getclosurevars(function).nonlocals["reference"])
+    definition = DEFINITIONS.get(function.__name__)
+    return None if definition is None else definition(motion, errors)
+
+
+def _tracking_error(motion: MeasuredMotion, errors: np.ndarray) -> float:
+    return float(np.abs(errors).max())
+
+
+def _limit_margin(motion: MeasuredMotion, errors: np.ndarray) -> float:
+    margins = [
+        min(float(joint.min() - low), float(high - joint.max())) / (high - low)
+        for joint, (low, high) in zip(motion.q[0].T, motion.arm.position_limits, strict=True)
+        if np.isfinite(high - low)
+    ]
+    return min(margins, default=0.0)
+
+
+def _speed_ratio(motion: MeasuredMotion, errors: np.ndarray) -> float:
+    limits = [limit if np.isfinite(limit) else 1.0 for limit in motion.arm.velocity_limits]
+    return max(float(np.abs(speed).max()) / limit for speed, limit in zip(motion.dq[0].T, limits, strict=True))
+
+
+def _duration(motion: MeasuredMotion, errors: np.ndarray) -> float:
+    return float(motion.duration[0])
+
+
+DEFINITIONS: dict[str, Callable[[MeasuredMotion, np.ndarray], float]] = {
+    "tracking_error": _tracking_error,
+    "limit_margin": _limit_margin,
+    "speed_ratio": _speed_ratio,
+    "duration": _duration,
+}
+
+
+def _distance(motion: MeasuredMotion, reference: Any) -> float:
+    """Return the joint distance from another motion, RMS over time, angles modulo whole turns."""
+    difference = motion.q[0] - np.asarray(reference.q)
+    turns = np.where(motion.arm.periodic, np.round(difference / (2 * np.pi)), 0.0)
+    return float(np.sqrt(((difference - 2 * np.pi * turns) ** 2).sum(axis=1).mean()))
+
+
+def _left_out(problem: Any) -> Iterator[Check]:
+    """Say exactly what of the objectives was not computed a second time."""
+    count = problem.judged_starts
+    if count > 1 and problem.judged_by == "worst":
+        reason = f"of {count} motions that the table has the worst of one is stored: the table is no better than that"
+        yield leave_out("objectives from the other starts", reason)
+    elif count > 1:
+        reason = f"the table has the mean of {count} motions, of which one is stored: no objective was computed again"
+        yield leave_out("objectives from all starts", reason)
+    yield leave_out(
+        "the method's steps", "the stored motion is not resolved a second time from the method's numbers and its start"
+    )
+
+
+# Resolved motions: what the files say of themselves, and, with its problem, of the path.
+
+
+def check_resolution(run: RunContents, task: Any, model: ArmModel | None, reason: str = "") -> Iterator[Check]:
+    """Check the errors that a resolved motion states; ``task`` has the path that it followed, None if not at hand."""
+    traces = run.arrays.get("traces.npz", {})
+    errors = np.asarray(traces.get("errors", np.empty(0)))
+    stated = float(run.entries.get("largest_error", np.nan))
+    largest = float(np.abs(errors).max(initial=0.0))
+    yield judge(
+        "largest error",
+        abs(stated - largest),
+        TOLERANCES.traces,
+        f"run.json says {stated:.8g}, traces say {largest:.8g}",
+    )
+    counts = run.entries.get("counts", {}).get("steps", {})
+    statuses = np.asarray(traces.get("status", np.empty(0))).ravel().tolist()
+    yield demand("steps", sum(counts.values()) == len(statuses), "run.json counts other steps than the traces have")
+    if task is None or model is None:
+        missing = "arm and path are not in the files; verify(folder, problem) names them"
+        yield leave_out("tracking", reason or missing)
+        return
+    for row, (time, q) in enumerate(zip(run.motions["time"], run.motions["q"], strict=True)):
+        point = int(run.ids[row])
+        same = len(time) == len(task.times) and np.allclose(
+            time, task.times, rtol=0, atol=TOLERANCES.times * task.times[-1]
+        )
+        yield demand("times of the path", same, "its times are not those of the path", point=point)
+        if not same:
+            continue
+        parts = [tracking_errors(model, each, q, *sample_points(each.path)) for each in task.tasks]
+        miss = max(float(max(distance.max(), angle.max())) for distance, angle in parts)
+        admitted = float(np.linalg.norm(errors[row], axis=-1).max()) if errors.ndim > 2 else largest
+        detail = f"the tool is {miss:.3g} off its path, its traces admit {admitted:.3g}"
+        yield judge("tracking", miss, admitted + TOLERANCES.on_path, detail, point=point)
+    yield leave_out("limits and the method's steps", "a method may exceed limits where it says so in its traces")
+
+
+LIBRARY = "paretoik.closed_loop.objectives"
+
+
+def check_loop(run: RunContents, loop: Any, model: ArmModel) -> Iterator[Check]:
+    """Check the one motion of a closed loop, which follows its path as nearly as its choices let it."""
+    point, q, time = int(run.ids[0]), run.motions["q"][0], run.motions["time"][0]
+    task = loop.task.truncate(len(q))
+    times, step = np.asarray(task.times), float(loop.task.times[1] - loop.task.times[0])
+    off = float(np.abs(time - times).max() / times[-1])
+    yield judge("times of the path", off, TOLERANCES.times, "its times are not those of the path", point=point)
+    distances, angles = (
+        np.max(parts, axis=0)
+        for parts in zip(*(tracking_errors(model, t, q, *sample_points(t.path)) for t in task.tasks), strict=True)
+    )
+    mean, drift = float(distances[1:].mean()), float(np.linalg.norm(q[-1] - q[0]) / q.shape[1])
+    for name, value in (("position_error", mean), ("drift", drift)):
+        stated = float(run.entries.get(name, np.nan))
+        detail = f"run.json says {stated:.10g}, it is {value:.10g}"
+        yield judge(
+            f"{name} of the loop", abs(stated - value), TOLERANCES.values * max(value, 1.0), detail, point=point
+        )
+    steps = np.abs(np.diff(q, axis=0))
+    k, j = np.unravel_index(int(steps.argmax()), steps.shape)
+    place = Worst(
+        what="step", joint=model.arm.joint_names[j], time=float(time[k]), value=float(steps[k, j]), limit=loop.longest
+    )
+    too_far = max(float(steps[k, j]) - loop.longest, 0.0)
+    yield judge("length of steps", too_far, TOLERANCES.on_path, str(place), point=point, worst=place)
+    violation = float(run.table["violation"][0]) if "violation" in run.table else None
+    motion = measure(model, task, time, q)
+    limited = replace(
+        task, bounds={kind: each for kind, each in task.bounds.items() if kind in ("position", "velocity")}
+    )
+    yield from check_limits(limited, motion, None, point)
+    yield from (row for row in check_limits(task, motion, violation, point) if row.subject == "violation in the table")
+    if task.obstacles and np.isfinite(loop.longest):
+        yield from _check_sweep(task, model, motion, time, q, point)
+    elif task.obstacles:
+        yield leave_out("clearance between samples", "steps of any length are clear where they end alone", point=point)
+    velocity = np.diff(q, axis=0) / step
+    series = {
+        "joint_displacement": (velocity**2).sum(axis=1) + (((q[1:] - q[0]) / step) ** 2).sum(axis=1),
+        "position_error": distances[1:],
+        "rotation_error": angles[1:],
+    }
+    for objective, value in zip(loop.objectives, run.values[0], strict=True):
+        subject = f"objective {objective.name}"
+        function = objective.function
+        if getattr(function, "__module__", "") != LIBRARY or objective.name not in series or len(task.tasks) > 1:
+            yield leave_out(subject, "an objective of steps that is not the paper's", point=point)
+            continue
+        expected = float(series[objective.name].mean())
+        detail = f"the table says {value:.10g} {objective.unit}, it is {expected:.10g}"
+        yield judge(subject, abs(value - expected) / max(abs(expected), 1e-9), TOLERANCES.energies, detail, point=point)
+
+
+def _check_sweep(
+    task: Any, model: ArmModel, motion: MeasuredMotion, time: np.ndarray, q: np.ndarray, point: int
+) -> Iterator[Check]:
+    """Check distances during steps, which are straight in joints."""
+    straight = interp1d(time, q, axis=0)
+    smallest, at, proven = least_clearance(task, model, straight, motion, time)
+    short = float(task.min_clearance) - smallest
+    detail = f"links come within {smallest:.4g} m of an obstacle at {at:.4g} s, the limit is {task.min_clearance:g} m"
+    tolerance = TOLERANCES.limits * model.length
+    yield judge("clearance between samples", max(short, 0.0), tolerance, detail, point=point)
+    if not proven:
+        yield leave_out("clearance between samples", "a step is too near to an obstacle to be sure", point=point)

@@ -1,0 +1,319 @@
+"""The library's objectives from their definitions, on motions measured again; a user's by their own functions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from paretoik.verification.arm_model import ArmModel
+from paretoik.verification.measured_motion import MeasuredMotion, nearest_pair
+from paretoik.verification.run_contents import Worst
+
+LIBRARY = "paretoik.task.objectives"  # where the library's own are defined
+
+
+def objective_value(objective: Any, motion: MeasuredMotion) -> float:
+    """Return an objective of a motion, in its own sign."""
+    return form_value(objective.form, objective_function(objective)(motion), motion, maximise=objective.maximise)
+
+
+def stated_value(objective: Any, motion: MeasuredMotion, stated: float) -> float:
+    """Return an objective of a motion, in its own sign, as a table states it.
+
+    Integrals with kinks are stated of the spline before its projection onto the path. A user's integral may have kinks:
+    of both values, the nearer to the ``stated`` one counts.
+    """
+    name, value = _library_name(objective), objective_value(objective, motion)
+    if objective.form != "integral" or (name and name not in KINKED_INTEGRALS):
+        return value
+    of_spline = objective_value(objective, motion.spline)
+    return min((of_spline,) if name else (value, of_spline), key=lambda each: abs(each - stated))
+
+
+def objective_function(objective: Any) -> Callable[[Any], Any]:
+    """Return the function of an objective: the definition below of the library's own, else the user's."""
+    return DEFINITIONS.get(_library_name(objective), objective.function)
+
+
+def _library_name(objective: Any) -> str:
+    """Return the name of one of the library's own objectives; "" of a user's."""
+    own = getattr(objective.function, "__module__", None) == LIBRARY
+    return str(objective.function.__name__) if own else ""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Terms:
+    """A function as a weighted sum of terms, or the largest of them, each the largest of its ``pieces``.
+
+    ``pieces`` (pieces, terms) are smooth if the function is a library's own. ``instants`` (terms,) are those that a
+    term belongs to, −1 for the whole motion. ``weights`` (terms,) are None if the largest term counts.
+    """
+
+    pieces: np.ndarray
+    instants: np.ndarray
+    weights: np.ndarray | None
+
+
+def is_own_integral(objective: Any) -> bool:
+    """Return whether an objective is a user's integral: it may have kinks."""
+    return bool(objective.form == "integral") and not _library_name(objective)
+
+
+def objective_terms(objective: Any, motion: MeasuredMotion, factor: float, *, own_kinks: bool = False) -> Terms:
+    """Return an objective times a factor, which is negative if it is maximised, as terms to minimise.
+
+    Integrals with kinks are those of the spline; users' are if ``own_kinks`` says that they have some.
+    """
+    name, count = _library_name(objective), motion.time.shape[1]
+    if objective.form == "integral" and (name in KINKED_INTEGRALS or (own_kinks and not name)):
+        motion = motion.spline
+    instants, weights = np.arange(count), motion.weights if objective.form == "integral" else None
+    if name in ABSOLUTE and factor > 0:
+        values = factor * ABSOLUTE[name](motion)[0]
+        dof = values.shape[1]
+        weights = weights if weights is None else np.repeat(weights, dof)
+        pieces = np.stack([values.ravel(), -values.ravel()])
+        return Terms(pieces=pieces, instants=np.repeat(instants, dof), weights=weights)
+    if name == "obstacle_clearance" and factor < 0:
+        distances = factor * motion.pair_clearances.reshape(count, -1)
+        pairs = distances.shape[1]
+        return Terms(pieces=distances.reshape(1, -1), instants=np.repeat(instants, pairs), weights=None)
+    values = factor * np.asarray(objective_function(objective)(motion), dtype=float).reshape(1, -1)
+    if objective.form in ("integral", "peak"):
+        return Terms(pieces=values, instants=instants, weights=weights)
+    return Terms(pieces=values, instants=np.array([-1]), weights=np.ones(1))
+
+
+def form_value(form: str, values: Any, motion: MeasuredMotion, *, maximise: bool) -> float:
+    """Return what a function's values are as an objective of its form."""
+    array = np.asarray(values, dtype=float)
+    if form == "integral":
+        return float(motion.integral(array)[0])
+    if form == "peak":
+        return float(array.min() if maximise else array.max())
+    return float(array.reshape(-1)[0])
+
+
+def _kinetic_energy(motion: MeasuredMotion) -> np.ndarray:
+    return motion.kinetic_energy
+
+
+def _torque_norm(motion: MeasuredMotion) -> np.ndarray:
+    return np.einsum("...j,...j->...", motion.torque, motion.torque)
+
+
+def _joint_drift(motion: MeasuredMotion) -> np.ndarray:
+    return np.linalg.norm(motion.q[:, -1] - motion.q[:, 0], axis=-1) / motion.q.shape[-1]
+
+
+def _joint_limit_distance(motion: MeasuredMotion) -> np.ndarray:
+    lower, upper = np.array(motion.arm.position_limits, dtype=float).T
+    total = np.zeros(motion.time.shape)
+    for joint, (low, high) in enumerate(zip(lower, upper, strict=True)):
+        if np.isfinite(high - low) and high > low:
+            total += ((motion.q[..., joint] - (high + low) / 2) / (high - low)) ** 2
+    return total / (2 * motion.q.shape[-1] * motion.duration[:, None])
+
+
+def _nearness(values: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
+    total = np.zeros(values.shape[:-1])
+    for joint, (low, high) in enumerate(zip(lower, upper, strict=True)):
+        if np.isfinite(high - low) and high > low:
+            range_ = high - low
+            inside = np.minimum(np.maximum(values[..., joint], low + 1e-3 * range_), high - 1e-3 * range_)
+            total += range_**2 / (4 * (high - inside) * (inside - low))
+    return total
+
+
+def _joint_limit_nearness(motion: MeasuredMotion) -> np.ndarray:
+    return _nearness(motion.q, *np.array(motion.arm.position_limits, dtype=float).T)
+
+
+def _velocity_limit_nearness(motion: MeasuredMotion) -> np.ndarray:
+    limits = np.array(motion.arm.velocity_limits, dtype=float)
+    return _nearness(motion.dq, -limits, limits)
+
+
+def _manipulability(motion: MeasuredMotion) -> np.ndarray:
+    return motion.manipulability / motion.duration[:, None]
+
+
+def _jerk(motion: MeasuredMotion) -> np.ndarray:
+    return np.einsum("...j,...j->...", motion.jerk, motion.jerk)
+
+
+def _obstacle_clearance(motion: MeasuredMotion) -> np.ndarray:
+    return motion.clearance
+
+
+ABSOLUTE: dict[str, Callable[[MeasuredMotion], np.ndarray]] = {
+    "mechanical_energy": lambda motion: motion.power,
+    "joint_travel": lambda motion: motion.dq,
+    "peak_velocity": lambda motion: np.concatenate([motion.dq, motion.velocity_bounds], axis=-1),
+    "peak_torque": lambda motion: motion.torque,
+}
+"""Values (1, time, dof) whose absolute values are summed over joints, or whose largest absolute value counts."""
+
+KINKED_INTEGRALS = ("mechanical_energy", "joint_travel", "joint_limit_nearness", "velocity_limit_nearness")
+
+DEFINITIONS: dict[str, Callable[[MeasuredMotion], np.ndarray]] = {
+    "kinetic_energy": _kinetic_energy,
+    "torque_norm": _torque_norm,
+    "mechanical_energy": lambda motion: np.abs(motion.power).sum(axis=-1),
+    "joint_travel": lambda motion: np.abs(motion.dq).sum(axis=-1),
+    "joint_drift": _joint_drift,
+    "joint_limit_distance": _joint_limit_distance,
+    "joint_limit_nearness": _joint_limit_nearness,
+    "velocity_limit_nearness": _velocity_limit_nearness,
+    "manipulability": _manipulability,
+    "peak_velocity": lambda motion: np.abs(ABSOLUTE["peak_velocity"](motion)).max(axis=-1),
+    "peak_torque": lambda motion: np.abs(motion.torque).max(axis=-1),
+    "jerk": _jerk,
+    "obstacle_clearance": _obstacle_clearance,
+}
+
+
+# Limits of a motion, as shares of their ranges.
+
+
+QUANTITIES = {
+    "position": "q",
+    "velocity": "dq",
+    "acceleration": "ddq",
+    "jerk": "jerk",
+    "torque": "torque",
+    "power": "power",
+}
+UNITS = {  # of joints that turn, and of those that slide
+    "position": ("rad", "m"),
+    "velocity": ("rad/s", "m/s"),
+    "acceleration": ("rad/s²", "m/s²"),
+    "jerk": ("rad/s³", "m/s³"),
+    "torque": ("N m", "N"),
+    "power": ("W", "W"),
+}
+
+
+def worst_of_limits(task: Any, motion: MeasuredMotion) -> dict[str, tuple[float, Worst]]:
+    """Return by kind the largest excess of a joint limit, as a share of its range, and its place."""
+    worst = {}
+    for kind, share in limit_shares(task, motion).items():
+        instant, joint = np.unravel_index(int(np.argmax(share)), share.shape)
+        value = float(limited_values(task, motion, kind)[instant, joint])
+        bounds = limits_at(task.bounds[kind], np.asarray(task.times), motion.time[0])[instant, joint]
+        above = value - bounds[1] >= bounds[0] - value
+        place = Worst(
+            what=kind,
+            joint=motion.arm.joint_names[joint],
+            time=float(motion.time[0, instant]),
+            value=value,
+            limit=float(bounds[1] if above else bounds[0]),
+            unit=UNITS[kind][int(not motion.model.turning[joint])],
+        )
+        worst[kind] = float(share[instant, joint]), place
+    return worst
+
+
+def worst_of_clearance(task: Any, motion: MeasuredMotion) -> tuple[float, Worst]:
+    """Return how far the least clearance is below its limit, as a share of its range, and its place."""
+    instant = int(motion.clearance.argmin())
+    smallest = float(motion.clearance[0, instant])
+    pair = nearest_pair(task.obstacles, motion.links[0, instant])
+    place = Worst(
+        what="clearance",
+        joint=pair,
+        time=float(motion.time[0, instant]),
+        value=smallest,
+        limit=float(task.min_clearance),
+        unit="m",
+    )
+    return float(task.min_clearance - smallest) / clearance_range(task, motion.model), place
+
+
+def worst_of_constraint(constraint: Any, motion: MeasuredMotion) -> tuple[float, Worst]:
+    """Return the excess of a user's own limit, as a share of its scale, and its place.
+
+    An integral may have kinks, and is limited on the spline then: the lesser excess of spline and curve counts.
+    """
+    if constraint.form == "peak":
+        values = np.asarray(constraint.function(motion), dtype=float)
+        excess = np.maximum(values - constraint.upper, constraint.lower - values).reshape(-1)
+        instant = int(np.argmax(np.where(np.isnan(excess), np.inf, excess)))
+        value, time = float(values.reshape(-1)[instant]), float(motion.time[0, instant])
+    else:
+        motions = (motion, motion.spline) if constraint.form == "integral" else (motion,)
+        every = [form_value(constraint.form, constraint.function(each), each, maximise=False) for each in motions]
+        value, time = min(every, key=lambda each: max(each - constraint.upper, constraint.lower - each)), np.nan
+    above = value - constraint.upper >= constraint.lower - value
+    limit = float(constraint.upper if above else constraint.lower)
+    excess_of_it = max(value - constraint.upper, constraint.lower - value) / float(constraint.scale)
+    worst = Worst(what=constraint.name, time=time, value=value, limit=limit, unit=constraint.unit)
+    return excess_of_it if np.isfinite(value) else float("nan"), worst
+
+
+def limit_shares(task: Any, motion: MeasuredMotion) -> dict[str, np.ndarray]:
+    """Return by how much joint limits are exceeded (time, dof), as shares of their ranges; −inf without a limit."""
+    shares = {}
+    for kind, bounds in task.bounds.items():
+        limits = limits_at(bounds, np.asarray(task.times), motion.time[0])
+        size = ranges(kind, limits, motion.model, float(np.ptp(motion.time)))
+        values = limited_values(task, motion, kind)
+        shares[kind] = np.maximum(values - limits[..., 1], limits[..., 0] - values) / size
+    return shares
+
+
+def limited_values(task: Any, motion: MeasuredMotion, kind: str) -> np.ndarray:
+    """Return the values (time, dof) that a kind of limit bounds.
+
+    With differences="spline" velocities at the middles of intervals are Bernstein points.
+    """
+    return np.asarray(getattr(motion, "velocity_bounds" if kind == "velocity" else QUANTITIES[kind])[0])
+
+
+def limits_at(bounds: np.ndarray, samples: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """Return limits (1 or time, dof, 2) at times (time, dof, 2), linear between the samples."""
+    if len(bounds) == 1:
+        return np.broadcast_to(bounds, (len(t), *bounds.shape[1:]))
+    if len(bounds) == len(t) and np.array_equal(samples, t):
+        return np.asarray(bounds)
+    limits = np.empty((len(t), *bounds.shape[1:]))
+    for joint in range(bounds.shape[1]):
+        for side in range(2):
+            column = bounds[:, joint, side]
+            finite = np.isfinite(column)
+            if finite.all():
+                limits[:, joint, side] = np.interp(t, samples, column)
+            else:  # none in an interval with an end that has none
+                after = np.clip(np.searchsorted(samples, t), 0, len(samples) - 1)
+                exact = np.isclose(samples[after], t, rtol=0, atol=1e-12)
+                bounded = finite[after] & (exact | finite[np.maximum(after - 1, 0)])
+                none = np.inf if side else -np.inf
+                limits[:, joint, side] = np.where(bounded, np.interp(t, samples, np.where(finite, column, 0.0)), none)
+    return limits
+
+
+def ranges(kind: str, limits: np.ndarray, model: ArmModel, duration: float) -> np.ndarray:
+    """Return the ranges of limits (..., dof, 2): their width, the size of the only one, or what is usual for an arm."""
+    lower, upper = limits[..., 0], limits[..., 1]
+    with np.errstate(invalid="ignore"):
+        width = upper - lower
+    one = np.where(np.isfinite(upper), np.abs(upper), np.where(np.isfinite(lower), np.abs(lower), 0.0))
+    size = np.where(np.isfinite(width), width, one)
+    return np.where(size > 0, size, _usual(kind, model, duration))
+
+
+def clearance_range(task: Any, model: ArmModel) -> float:
+    """Return what violations of clearance are divided by [m]: its limit, 1 % of the arm's length at least."""
+    return max(float(task.min_clearance), 0.01 * model.length)
+
+
+def _usual(kind: str, model: ArmModel, duration: float) -> np.ndarray:
+    mass = sum(float(body.mass) for body in model.arm.bodies)
+    force = mass * (model.length / duration**2 + float(np.linalg.norm(model.arm.gravity)))
+    work = force * model.length or 1.0
+    if kind in ("torque", "power"):
+        return work / model.scales if kind == "torque" else np.full(model.dof, work / duration)
+    return model.scales / duration ** {"position": 0, "velocity": 1, "acceleration": 2, "jerk": 3}[kind]
