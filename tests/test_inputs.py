@@ -2,12 +2,32 @@
 
 from __future__ import annotations
 
+import inspect
+import itertools
+import signal
+import threading
+import warnings
+from collections.abc import Iterator
+from functools import partial
+
 import numpy as np
 import pytest
 
-from paretoik.errors import InvalidInput
-from paretoik.inputs import degrees_hint, finite_array, likely_spelling, positive_number
+import paretoik as pk
+from paretoik.errors import EvaluationFailed, InvalidInput
+from paretoik.inputs import (
+    check_call,
+    degrees_hint,
+    finite_array,
+    likely_spelling,
+    positive_number,
+    user_function,
+    warn_of_odd_objectives,
+)
 from paretoik.robot.pose import Pose
+from paretoik.stop_flag import Interrupted
+from studies.benchmarks.reliability.inputs.messages import message_faults
+from studies.benchmarks.reliability.inputs.surfaces import members
 
 
 def test_an_array_is_copied_as_floats():
@@ -55,3 +75,197 @@ def test_angles_of_more_than_two_turns_are_taken_for_degrees():
 def test_a_name_spelt_much_like_another_is_asked_after():
     assert likely_spelling("left_griper", ["left_gripper", "base"]) == "; did you mean 'left_gripper'?"
     assert likely_spelling("quite_another", ["left_gripper", "base"]) == ""
+
+
+# Whoever misspells an argument of a public name, leaves one out or gives one too many is told so in one line.
+
+
+NAMESPACES = [name for name in pk.__all__ if inspect.ismodule(getattr(pk, name)) and name != "errors"]
+
+
+def callables() -> Iterator[tuple[str, object]]:
+    """Yield the public functions, the constructors of public classes, and their methods that have arguments' names."""
+    for name in pk.__all__:
+        item = getattr(pk, name)
+        for public, each in members(name, item) if name in NAMESPACES else [(name, item)]:
+            yield from of_item(public, each)
+
+
+def of_item(name: str, item: object) -> Iterator[tuple[str, object]]:
+    if inspect.isfunction(item):
+        yield name, item
+    elif inspect.isclass(item) and not issubclass(item, Exception) and not getattr(item, "_is_protocol", False):
+        yield name, item
+        for method, each in vars(item).items():
+            function = getattr(each, "__func__", each)
+            if not method.startswith("_") and inspect.isfunction(function):
+                yield f"{name}.{method}", getattr(item, method)
+
+
+CALLABLES = {name: each for name, each in callables() if not name.startswith("arms.Arm")}  # which is public anyway
+
+
+def named(function: object) -> list[str]:
+    """Return the arguments that have names, but for a method's own object."""
+    parameters = inspect.signature(function).parameters.values()
+    kinds = inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY
+    return [each.name for each in parameters if each.kind in kinds and each.name != "self"]
+
+
+def takes_any_name(function: object) -> bool:
+    return any(each.kind is each.VAR_KEYWORD for each in inspect.signature(function).parameters.values())
+
+
+def called(public: str) -> list[tuple[str, object]]:
+    """Return the callables of a public name, itself among them."""
+    return [(name, each) for name, each in CALLABLES.items() if name.partition(".")[0] == public]
+
+
+def refusal(function: object, *arguments: object, **keywords: object) -> str:
+    with pytest.raises(pk.InvalidInput) as refused:
+        function(*arguments, **keywords)
+    return str(refused.value)
+
+
+def test_the_public_names_are_all_here():
+    assert {"solve", "Tracking", "Arm.planar", "Front.select", "methods.Nedungadi", "obstacles.Box"} <= set(CALLABLES)
+    assert len(CALLABLES) > 150
+
+
+@pytest.mark.usefixtures("unchecked")
+@pytest.mark.parametrize("public", sorted({name.partition(".")[0] for name in CALLABLES}))
+def test_a_misspelt_argument_is_refused_by_name_with_the_nearest(public):
+    for name, function in called(public):
+        for argument in [] if takes_any_name(function) else named(function) or [""]:
+            message = refusal(function, **{f"{argument}x": 1})
+            assert not message_faults(message, is_named=name.rpartition(".")[2] in message)
+            assert f"{argument}x'" in message
+            assert "did you mean" in message or len(argument) < 2
+
+
+@pytest.mark.usefixtures("unchecked")
+@pytest.mark.parametrize("public", sorted({name.partition(".")[0] for name in CALLABLES}))
+def test_arguments_that_are_missing_or_too_many_are_refused_in_one_line(public):
+    for name, function in called(public):
+        parameters = inspect.signature(function).parameters.values()
+        positional = [each for each in parameters if each.kind in (each.POSITIONAL_ONLY, each.POSITIONAL_OR_KEYWORD)]
+        if not any(each.kind is each.VAR_POSITIONAL for each in parameters):
+            message = refusal(function, *[None] * (len(positional) + 1))
+            assert not message_faults(message, is_named=name.rpartition(".")[2] in message)
+        required = [each for each in parameters if each.default is each.empty and each.kind is each.KEYWORD_ONLY]
+        if required:
+            message = refusal(function, *[None] * len(positional))
+            assert not message_faults(message, is_named=required[0].name in message)
+
+
+def test_what_a_function_itself_raises_passes():
+    @check_call
+    def add(a: int) -> int:
+        return a + "b"
+
+    with pytest.raises(TypeError, match="unsupported operand"):
+        add(1)
+
+
+# Whatever a user's function raises is one line, but Ctrl-C and our own errors.
+
+
+class SpeechlessError(Exception):
+    def __str__(self):
+        raise RuntimeError("no text")
+
+
+class ExitingTextError(Exception):
+    def __str__(self):
+        raise SystemExit(0)
+
+
+class Foreign(BaseException):
+    pass
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        (ValueError("over\n  0.3"), "ValueError: over 0.3"),
+        (SpeechlessError(), "SpeechlessError"),
+        (SystemExit(0), "SystemExit: 0"),
+        (GeneratorExit(), "GeneratorExit"),
+        (KeyboardInterrupt(), "KeyboardInterrupt"),
+        (ExitingTextError(), "ExitingTextError"),
+        (StopIteration(), "StopIteration"),
+        (Foreign("elsewhere"), "Foreign: elsewhere"),
+    ],
+    ids=lambda value: type(value).__name__,
+)
+def test_what_is_raised_is_a_failure_with_its_name_and_cause(error, words):
+    with pytest.raises(EvaluationFailed) as failure, user_function("objective mine"):
+        raise error
+    assert str(failure.value) == f"objective mine raised {words}"
+    assert failure.value.__cause__ is error
+
+
+@pytest.mark.parametrize("error", [Interrupted(), InvalidInput("shape (3,) wanted, got (4,)")])
+def test_our_own_errors_pass(error):
+    with pytest.raises(type(error)) as failure, user_function("objective mine"):
+        raise error
+    assert failure.value is error
+
+
+def test_control_c_passes():
+    with pytest.raises(KeyboardInterrupt), user_function("objective mine"):
+        signal.raise_signal(signal.SIGINT)
+    timer = threading.Timer(0.1, signal.pthread_kill, [threading.main_thread().ident, signal.SIGINT])
+    timer.start()
+    with pytest.raises(KeyboardInterrupt), user_function("objective mine"):
+        sum(1 for _ in itertools.count())
+
+
+def test_another_kind_of_failure_can_be_asked_for():
+    with (
+        pytest.raises(InvalidInput, match="select: Mine raised KeyError: 'wrist'"),
+        user_function("select: Mine", InvalidInput),
+    ):
+        raise KeyError("wrist")
+
+
+@pytest.mark.parametrize("again", [1.0, 1.0 + 1e-9])
+def test_an_objective_with_the_values_of_another_is_said_to_be_a_duplicate_of_the_first(again):
+    F = np.random.default_rng(0).normal(size=(8, 3))
+    F[:, 2] = F[:, 0] * again
+    F[3] = np.nan  # failed
+    words = "^objective c: other values than those of a wanted, got the same for each of the first 7"
+    with pytest.warns(RuntimeWarning, match=words) as told:
+        warn_of_odd_objectives(["a", "b", "c"], F, F)
+    assert len(told) == 1
+
+
+def test_objectives_that_differ_at_one_argument_are_no_duplicates():
+    F = np.repeat(np.random.default_rng(0).normal(size=(8, 1)), 2, axis=1)
+    F[5, 1] += 1e-3
+    with warnings.catch_warnings(action="error"):
+        warn_of_odd_objectives(["a", "b"], F, F)
+        warn_of_odd_objectives(["a", "b"], F[:1], F[:1])  # one argument says nothing
+
+
+class Reach:
+    def __call__(self, motion):
+        return motion.q
+
+
+def reach(motion, scale):
+    return motion.q * scale
+
+
+@pytest.mark.parametrize(
+    ("function", "name"), [(reach, "reach"), (partial(partial(reach), scale=2.0), "reach"), (Reach(), "Reach")]
+)
+def test_functions_are_called_by_their_name_and_callables_by_what_they_are(function, name):
+    assert pk.objective(unit="", form="integral")(function).name == name
+    assert pk.constraint(unit="", upper=1.0)(function).name == name
+    assert pk.step_objective(unit="")(function).name == name
+
+
+def test_a_lambda_as_a_constraint_is_called_by_its_bounds():
+    assert pk.constraint(unit="m", lower=-0.5, upper=1.0)(lambda motion: motion.q).name == "lambda in [-0.5, 1] m"
+    assert pk.constraint(unit="", upper=2.0)(lambda motion: motion.q).name == "lambda in [-inf, 2]"

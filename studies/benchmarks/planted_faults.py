@@ -96,7 +96,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     rows = []
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder) / "copy"
-        shutil.copytree(ROOT, copy, ignore=shutil.ignore_patterns(".git", "runs", "__pycache__"))
+        shutil.copytree(
+            ROOT,
+            copy,
+            ignore=lambda place, names: {"__pycache__"} | ({".git", "runs"} if place == str(ROOT) else set()),
+        )
         for tests in sorted({fault.tests for fault in faults}):
             tell(f"tests/{tests} without a fault")
             passes, which = run_tests(copy, tests)

@@ -13,7 +13,7 @@ from paretoik.runs.files import DRAWING, POLYGON, RECORDING, TOOL_PATH, TRACES
 from tests.api.problems import PATH, tracking
 from tests.api.test_nothing_given_is_lost import drawn
 from tests.capability.test_geodesic import Even
-from tests.execution.test_run_folder import holder
+from tests.runs.test_folder import holder
 
 
 def entries(folder) -> dict:

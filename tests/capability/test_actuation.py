@@ -7,7 +7,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from paretoik.capability.actuation import JointActuation, MotorCurve, check_actuation, kim_sliders
+from paretoik.capability.actuation import (
+    SHAPES,
+    JointActuation,
+    MotorCurve,
+    angle_range,
+    broadcast,
+    check_actuation,
+    check_geometry,
+    kim_sliders,
+)
 from paretoik.capability.joint_capability import joint_speeds
 from paretoik.errors import InvalidInput
 from paretoik.robot.arm import Arm
@@ -81,3 +90,97 @@ def test_rods_turn_joints_and_slide_none():
     arm = Arm.from_dh(**table, convention="standard", types=["revolute", "prismatic"])
     with pytest.raises(InvalidInput, match="joint2 of DH arm slides"):
         check_actuation(sliders(), arm)
+
+
+# What motors allow: speeds under a load, by the shape of their curve.
+
+
+shapes = st.sampled_from(SHAPES)
+
+
+@given(seed=seeds, shape=shapes)
+def test_what_a_curve_allows_is_where_its_room_is_not_negative(seed, shape):
+    rng = np.random.default_rng(seed)
+    curve = MotorCurve(stall=[2.0, 0.5], fastest=[3.0, 7.0], shape=shape)
+    effort, speed = curve.stall * rng.uniform(-1.2, 1.2, (50, 2)), curve.fastest * rng.uniform(-1.2, 1.2, (50, 2))
+    low, high = curve.speeds(effort)
+    within, room = (low <= speed) & (speed <= high), curve.slacks(effort, speed).min(axis=-1)
+    assert (room[within] >= -1e-12).all()
+    assert (room[~within] <= 1e-12).all()
+
+
+def test_a_diamond_is_the_papers_curve_a_strip_lets_a_load_drive_the_motor():
+    effort = np.array([-1.0, 0.0, 1.0])[:, None]
+    speeds = {shape: MotorCurve(stall=2.0, fastest=4.0, shape=shape).speeds(effort) for shape in SHAPES}
+    assert np.ravel(speeds["diamond"][1]).tolist() == [2.0, 4.0, 2.0]
+    assert np.ravel(speeds["strip"][1]).tolist() == [4.0, 4.0, 2.0]
+    assert np.ravel(speeds["strip"][0]).tolist() == [-2.0, -4.0, -4.0]
+    assert np.ravel(speeds["box"][0]).tolist() == [-4.0, -4.0, -4.0]
+
+
+# Angles that rods reach beside all pairs of their sliders, and geometry that cannot be.
+
+
+def test_a_rods_angles_are_those_of_all_pairs_of_sliders():
+    rng, reached, refused = np.random.default_rng(1), 0, 0
+    for _ in range(200):
+        rod, margin = rng.uniform(0.05, 0.2), rng.uniform(0.02, 0.3)
+        first, second = rod * rng.uniform(0.1, 0.8), rod * rng.uniform(0.1, 1.5)
+        bounds = (
+            np.array([first, min(rod, first * rng.uniform(1.02, 3.0))]),
+            second * np.array([1, rng.uniform(1.02, 3)]),
+        )
+        front, back = (np.linspace(*pair, 301) for pair in bounds)
+        cosine = (rod**2 - front[:, None] ** 2 - back**2) / (2 * front[:, None] * back)
+        angles = np.arccos(cosine[np.abs(cosine) <= 1.0])
+        inside = angles[(angles >= margin) & (angles <= np.pi - margin)]
+        if not len(inside):
+            refused += 1
+            with pytest.raises(InvalidInput, match="sliders that reach a rod's angle"):
+                angle_range(rod, *bounds, margin)
+            continue
+        reached += 1
+        low, high = angle_range(rod, *bounds, margin)
+        assert low <= inside.min() + 1e-9
+        assert high >= inside.max() - 1e-9
+        assert low == pytest.approx(max(angles.min(), margin), abs=0.02)
+        assert high == pytest.approx(min(angles.max(), np.pi - margin), abs=0.02)
+    assert reached > 100
+    assert refused > 5
+
+
+def test_a_number_is_every_joints_and_may_not_be_written():
+    bounds = broadcast("front_bounds", (0.1, 0.2), (3, 2))
+    np.testing.assert_array_equal(bounds, [[0.1, 0.2]] * 3)
+    assert not bounds.flags.writeable
+    with pytest.raises(InvalidInput, match=r"distributed actuation: rod wants shape \(3,\), got \(2,\)"):
+        broadcast("rod", [0.1, 0.2], (3,))
+
+
+GEOMETRY = {
+    "rod": np.array([0.08, 0.09]),
+    "zero": np.zeros(2),
+    "bend": np.array([1.0, -1.0]),
+    "least_angle": np.array([0.1, 0.2]),
+    "front_bounds": np.array([[0.03, 0.08], [0.03, 0.09]]),
+    "back_bounds": np.array([[0.03, 0.2], [0.03, 0.2]]),
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "wish"),
+    [
+        ("rod", 0.0, r"a rod longer than 0 and of at most \S+ m"),
+        ("bend", 0.5, "bend 1 or −1"),
+        ("least_angle", np.pi, "a least angle between 0 and π"),
+        ("front_bounds", [0.05, 0.04], "front bounds 0 < lower ≤ upper"),
+        ("front_bounds", [0.05, 0.0901], "front sliders no farther than the rod is long"),
+        ("back_bounds", [0.0, 0.04], "back bounds 0 < lower ≤ upper"),
+    ],
+)
+def test_geometry_that_cannot_be_is_refused_with_its_joint(name, value, wish):
+    check_geometry(**GEOMETRY)
+    wrong = GEOMETRY[name].copy()
+    wrong[1] = value
+    with pytest.raises(InvalidInput, match=f"joint 2: {wish} wanted"):
+        check_geometry(**{**GEOMETRY, name: wrong})

@@ -11,7 +11,19 @@ from hypothesis import strategies as st
 
 from paretoik.front.geometry import tangents_meet
 from paretoik.front.indicators import hypervolume
-from paretoik.pareto.placement import OPTIONS, BestSubsets, best_rows, gap_between, next_targets
+from paretoik.pareto.placement import (
+    OPTIONS,
+    POINT_TOLERANCE,
+    BestSubsets,
+    _gaps,
+    best_rows,
+    fill_gaps,
+    front_rows,
+    gap_between,
+    is_duplicate,
+    next_targets,
+    spread_rows,
+)
 
 seeds = st.integers(0, 10**6)
 
@@ -105,3 +117,170 @@ def test_with_as_many_points_as_wanted_that_none_would_better_there_is_no_target
     assert next_targets(gaps, fine[rows], 6) == []
     assert next_targets(gaps, fine[rows], 7)
     assert next_targets([], fine[rows], 7) == []
+
+
+# Points of a front: which belong to it, which are neighbours, and where more are wanted, beside brute force.
+
+
+def test_points_that_repeat_or_are_dominated_are_left_out():
+    shares = np.array([[0.0, 1.0], [1.0, 0.0], [0.5, 0.5], [0.5, 0.5 + 5e-8], [0.6, 0.6], [0.0, 1.0]])
+    assert front_rows(shares).tolist() == [0, 2, 1]
+
+
+def test_of_points_that_repeat_each_other_one_is_left_and_it_is_the_best():
+    shares = np.array([[0.5 + 1e-12, 0.5], [0.0, 1.0], [0.5, 0.5 - 1e-12], [0.5 - 2e-8, 0.5 + 1e-9]])
+    assert front_rows(shares).tolist() in ([1, 2], [1, 3])
+
+
+def test_too_many_points_are_thinned_to_those_well_apart():
+    shares = np.array([[0.0, 1.0], [0.01, 0.98], [0.02, 0.97], [0.5, 0.5], [0.52, 0.49], [1.0, 0.0]])
+    assert spread_rows(shares, 3).tolist() in ([0, 3, 5], [0, 4, 5])
+    assert spread_rows(shares, 10).tolist() == list(range(6))
+
+
+@given(seed=seeds, n_obj=st.integers(1, 4))
+def test_the_front_is_what_nothing_else_is_as_good_as_everywhere(seed, n_obj):
+    rng = np.random.default_rng(seed)
+    shares = rng.integers(0, 6, (rng.integers(1, 25), n_obj)) / 6 + rng.uniform(-0.4, 0.4, (1, n_obj)) * POINT_TOLERANCE
+    rows = front_rows(shares)
+    best = [one for one in shares.tolist() if not any(_dominates(other, one) for other in shares.tolist())]
+    assert sorted(map(tuple, shares[rows].tolist())) == sorted(set(map(tuple, best)))
+    assert (np.diff(shares[rows, 0]) >= 0).all()
+
+
+def _dominates(one, other):
+    return all(a <= b for a, b in zip(one, other, strict=True)) and one != other
+
+
+@given(seed=seeds)
+def test_every_point_has_one_on_the_front_that_is_as_good_and_nothing_on_the_front_has_another(seed):
+    rng = np.random.default_rng(seed)
+    shares = np.repeat(rng.uniform(size=(12, 2)), 2, axis=0) + rng.uniform(-1.0, 1.0, (24, 2)) * POINT_TOLERANCE
+    front = shares[front_rows(shares)]
+    for one in shares:
+        assert any(np.all(other <= one + 2 * POINT_TOLERANCE) for other in front)
+    for one, other in combinations(front, 2):
+        assert not np.all(one <= other) or np.all(other <= one)
+        assert np.abs(one - other).max() > POINT_TOLERANCE
+
+
+@given(seed=seeds, n_obj=st.integers(2, 3), count=st.integers(3, 20))
+def test_what_is_thinned_out_is_nearer_to_what_is_left_than_that_is_to_each_other(seed, n_obj, count):
+    rng = np.random.default_rng(seed)
+    shares = rng.uniform(size=(rng.integers(1, 16), n_obj))
+    rows = spread_rows(shares, count)
+    assert len(rows) == min(count, len(shares))
+    assert np.array_equal(rows, np.unique(rows))
+    ends = set(shares.argmin(axis=0).tolist())
+    assert ends <= set(rows.tolist())
+    apart = np.linalg.norm(shares[:, None] - shares[None], axis=2)
+    radius = apart[:, rows].min(axis=1).max()
+    for i in set(rows.tolist()) - ends:
+        assert min(apart[i, j] for j in rows if j != i) >= radius
+
+
+@given(seed=seeds, n_obj=st.integers(2, 4))
+def test_neighbours_have_no_point_in_the_ball_between_them_and_the_farthest_come_first(seed, n_obj):
+    rng = np.random.default_rng(seed)
+    values = rng.uniform(size=(rng.integers(1, 14), n_obj))
+    values = np.concatenate([values, values[:2] + 1e-8])
+    gaps, expected = _gaps(values), set()
+    for i, j in combinations(range(len(values)), 2):
+        middle, radius = (values[i] + values[j]) / 2, np.linalg.norm(values[i] - values[j]) / 2
+        others = [np.linalg.norm(values[k] - middle) for k in range(len(values)) if k not in (i, j)]
+        if radius > 5 * POINT_TOLERANCE and all(distance >= radius * (1 - 1e-12) for distance in others):
+            expected.add((i, j))
+    assert set(gaps) == expected
+    lengths = [np.linalg.norm(values[i] - values[j]) for i, j in gaps]
+    assert lengths == sorted(lengths, reverse=True)
+
+
+@given(seed=seeds)
+def test_a_point_is_known_where_one_is_the_same_in_every_objective(seed):
+    rng = np.random.default_rng(seed)
+    others = rng.uniform(size=(6, 3))
+    which = rng.integers(6)
+    assert is_duplicate(others[which] + rng.uniform(-9.9, 9.9, 3) * POINT_TOLERANCE, others)
+    moved = others[which].copy()
+    moved[rng.integers(3)] += 11 * POINT_TOLERANCE * rng.choice([-1.0, 1.0])
+    assert not is_duplicate(moved, others)
+
+
+class Filled:
+    """A front y = shape(x) on the unit interval, points of it so far, and what was asked for."""
+
+    def __init__(self, shape, hidden=()):
+        self.places = np.linspace(0.0, 1.0, 100001)
+        visible = np.ones(len(self.places), dtype=bool)
+        for low, high in hidden:
+            visible &= (self.places <= low) | (self.places >= high)
+        self.every = np.stack([self.places, shape(self.places)], axis=1)[visible]
+        self.points, self.asked = self.every[[0, -1]], []
+
+    def front(self):
+        return self.points[np.argsort(self.points[:, 0])]
+
+    def add(self, main, caps):
+        assert np.isposinf(caps).tolist() == [main == k for k in range(2)]
+        self.asked.append((main, *caps))
+        below = self.every[(self.every <= caps).all(axis=1)]
+        point = below[below[:, main].argmin()]
+        if is_duplicate(point, self.points):
+            return False
+        self.points = np.concatenate([self.points, point[None]])
+        return True
+
+
+def bulge(x):
+    return np.sqrt(1.0 - x * x)
+
+
+def bent(x):
+    return (1.0 - np.sqrt(x)) ** 2
+
+
+@pytest.mark.parametrize("shape", [bulge, bent, lambda x: 1.0 - x], ids=["bulging", "bent in", "straight"])
+@pytest.mark.parametrize("points", [2, 3, 7, 20])
+def test_gaps_are_filled_until_there_are_as_many_points_as_wanted_with_none_far_apart(shape, points):
+    filled = Filled(shape)
+    fill_gaps(filled.front, filled.add, points)
+    assert len(filled.points) == points
+    assert len(filled.asked) == points - 2
+    gaps = np.linalg.norm(np.diff(filled.front(), axis=0), axis=1)
+    length = np.linalg.norm(np.diff(filled.every, axis=0), axis=1).sum()
+    assert gaps.max() <= 2.6 * length / (points - 1)
+
+
+def test_across_a_jump_is_asked_from_both_sides_once_and_never_again():
+    filled = Filled(lambda x: np.where(x <= 0.3, 1.0 - x / 3, 0.4 - 0.4 * x), hidden=[(0.3, 0.5)])
+    fill_gaps(filled.front, filled.add, 12)
+    assert len(filled.points) == 12
+    assert np.abs(filled.front() - [0.3, 0.9]).max(axis=1).min() <= 0.03
+    assert np.abs(filled.front() - [0.5, 0.2]).max(axis=1).min() <= 0.03
+    assert len(set(filled.asked)) == len(filled.asked)
+
+
+def test_where_no_gap_yields_another_point_it_ends():
+    filled = Filled(lambda x: 1.0 - x, hidden=[(0.0, 0.5), (0.5, 1.0)])
+    fill_gaps(filled.front, filled.add, 10)
+    assert filled.front().tolist() == [[0.0, 1.0], [0.5, 0.5], [1.0, 0.0]]
+    assert len(filled.asked) <= 5  # one that yields, and both ways across each gap that is left
+
+
+def test_the_longer_side_of_the_widest_gap_is_cut_first():
+    points = np.array([[0.0, 1.0, 0.0], [0.1, 0.6, 0.0], [1.0, 0.0, 0.0]])
+    asked = []
+
+    def add(main, caps):
+        asked.append((main, caps.tolist()))
+        return False
+
+    fill_gaps(lambda: points, add, 9)
+    assert [main for main, _ in asked] == [2, 1, 0, 2, 0, 1]
+    assert asked[0][1] == pytest.approx([0.55, 0.3, np.inf])
+    assert asked[3][1] == pytest.approx([0.05, 0.8, np.inf])
+
+
+@pytest.mark.parametrize(("apart", "points"), [(3e-8, 1), (3e-6, 2)])
+def test_points_are_one_within_the_tolerance_and_two_well_beyond_it(apart, points):
+    assert len(front_rows(np.array([[0.0, 1.0], [apart, 1.0 - apart]]))) == points

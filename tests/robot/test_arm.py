@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from paretoik.robot import dynamics, kinematics
-from paretoik.robot.arm import Arm
+from paretoik.robot.arm import Arm, joint_motion
 from paretoik.robot.arms import tringali_3r
 from tests.robot.laws import pose, positions, same, seeds, state_of, turns
+from tests.robot.oracles import potential_energy
 
 DH = {"a": [0.1, 0.2], "alpha": [0.0, 1.0], "d": [0.0, 0.1], "theta": [0.0, 0.0], "convention": "modified"}
 
@@ -38,3 +40,38 @@ def test_a_tool_moves_the_tool_frame_and_its_mass_is_a_payload_there(anyarm_of, 
     same(kinematics.forward_kinematics(equipped, state[0])[0], rotation @ tool.rotation)
     same(kinematics.forward_kinematics(equipped, state[0])[1], position + rotation @ tool.position)
     same(dynamics.inverse_dynamics(equipped, *state), dynamics.inverse_dynamics(loaded, *state))
+
+
+# A fixed joint leaves the rest of the arm as it was.
+
+
+@given(seed=seeds, value=st.floats(-3, 3), joint=st.integers(0, 4))
+@settings(max_examples=25, deadline=None)
+def test_a_fixed_joint_is_the_full_arm_held_at_that_value(anyarm_of, seed, value, joint):
+    arm = anyarm_of(seed)
+    held = arm.fixed({arm.joint_names[joint]: value})
+    rest = np.arange(arm.dof) != joint
+    q, dq, ddq = state_of(arm, seed)
+    q[:, joint], dq[:, joint], ddq[:, joint] = value, 0.0, 0.0
+    for mine, whole in zip(
+        kinematics.forward_kinematics(held, q[:, rest]), kinematics.forward_kinematics(arm, q), strict=True
+    ):
+        same(mine, whole)
+    torque = dynamics.inverse_dynamics(held, q[:, rest], dq[:, rest], ddq[:, rest])
+    same(torque, dynamics.inverse_dynamics(arm, q, dq, ddq)[:, rest], 1e-11)
+    inertia = dynamics.inertia_matrix(arm, q)[:, rest][:, :, rest]
+    same(dynamics.inertia_matrix(held, q[:, rest]), inertia, 1e-11)
+    if joint:
+        rise = potential_energy(arm, q) - potential_energy(held, q[:, rest])
+        assert np.abs(rise).max() < 1e-10
+
+
+def test_fixing_a_joint_keeps_the_other_joints_limits_and_names():
+    arm = tringali_3r().fixed(joint2=0.5)
+    assert arm.joint_names == ("joint1", "joint3")
+    assert arm.position_limits == pytest.approx(tringali_3r().position_limits[[0, 2]])
+
+
+def test_joint_motion_turns_about_and_slides_along_z():
+    assert joint_motion("revolute", np.pi / 2).apply([1.0, 0.0, 0.0]) == pytest.approx([0.0, 1.0, 0.0])
+    assert joint_motion("prismatic", 0.3).apply([1.0, 0.0, 0.0]) == pytest.approx([1.0, 0.0, 0.3])

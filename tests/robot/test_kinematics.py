@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import paretoik as pk
 from paretoik.errors import InvalidInput
 from paretoik.robot import kinematics
 from paretoik.robot.arms import tringali_3r
+from paretoik.robot.kinematics import arm_constants, characteristic_length, joint_cosines_and_sines, joint_scales
 from tests.robot.laws import same
 
 
@@ -59,3 +61,78 @@ def test_a_planar_arm_moves_in_three_rows_of_its_jacobian():
 def test_what_is_no_posture_or_no_frame_is_refused(call, message):
     with pytest.raises(InvalidInput, match=message.replace("tringali_3r", tringali_3r().name)):
         call(tringali_3r())
+
+
+# An arm's constants: regrouped inertias give the same torques with fewer entries, right angles are exact.
+
+
+def test_links_of_a_planar_arm_keep_two_moments_each():
+    for link in arm_constants(tringali_3r()).links:
+        assert link.mass == 0.0  # on the axis, it belongs to the link before
+        assert link.first_moment[1:] == (0.0, 0.0)
+        assert link.first_moment[0] > 0.0
+
+
+def test_the_first_links_regrouped_inertia_is_that_of_the_arm_without_bends():
+    # Khalil & Kleinfinger 1987: J_i + m_i c_i² + l_i² times the mass of all links further out.
+    arm = tringali_3r()
+    masses, centers = [body.mass for body in arm.bodies], [body.center[0] for body in arm.bodies]
+    inertias, lengths = [body.inertia[2, 2] for body in arm.bodies], [0.176, 0.176, 0.1375]
+    for i, link in enumerate(arm_constants(arm).links):
+        expected = inertias[i] + masses[i] * centers[i] ** 2 + lengths[i] ** 2 * sum(masses[i + 1 :])
+        np.testing.assert_allclose(link.inertia[2][2], expected, rtol=1e-14)
+
+
+def test_rotations_by_right_angles_hold_only_zeros_and_ones(panda_arm):
+    rotations = np.array([link.rotation for link in arm_constants(panda_arm).links[:-1]])
+    assert np.isin(np.abs(rotations), [0.0, 1.0]).all()
+
+
+def test_prismatic_joints_do_not_rotate(anyarm_of):
+    arm = anyarm_of(4)
+    assert "prismatic" in arm.joint_types
+    for joint_type, (cosine, sine) in zip(
+        arm.joint_types, joint_cosines_and_sines(arm_constants(arm).links, np.full(5, 0.4)), strict=True
+    ):
+        expected = (1.0, 0.0) if joint_type == "prismatic" else (np.cos(0.4), np.sin(0.4))
+        assert (cosine, sine) == expected
+
+
+# An arm's length is that from its first joint to its tool; slides are measured in it.
+
+
+def gantry(limits):
+    """Three slides at one place."""
+    return pk.Arm.from_dh(
+        a=[0.0, 0.0, 0.0],
+        alpha=[0.0, np.pi / 2, np.pi / 2],
+        d=[0.0, 0.0, 0.0],
+        theta=[0.0, np.pi / 2, 0.0],
+        types=["prismatic"] * 3,
+        position_limits=limits,
+        convention="modified",
+    )
+
+
+def test_an_arms_length_is_the_sum_of_its_links_wherever_it_is_mounted():
+    arm = pk.Arm.planar(lengths=[0.3, 0.2, 0.1])
+    assert characteristic_length(arm) == pytest.approx(0.6)
+    assert characteristic_length(arm.mounted(base=pk.Pose([9.0, 0.0, 0.0]))) == pytest.approx(0.6)
+    assert characteristic_length(arm.with_tool(pk.Pose([0.4, 0.0, 0.0]))) == pytest.approx(1.0)
+
+
+def test_slides_without_links_are_measured_in_the_longest_of_their_ranges():
+    lengths = [characteristic_length(gantry(limits)) for limits in (None, [0.5, 2.0, np.inf])]
+    assert lengths == [1.0, 4.0]
+
+
+def test_joints_that_turn_are_measured_in_radians_and_slides_in_the_arms_length():
+    arm = pk.Arm.from_dh(
+        a=[0.0, 0.5],
+        alpha=[0.0, 0.0],
+        d=[0.0, 0.0],
+        theta=[0.0, 0.0],
+        types=["prismatic", "revolute"],
+        convention="modified",
+    ).with_tool(pk.Pose([1.5, 0.0, 0.0]))
+    np.testing.assert_allclose(joint_scales(arm), [2.0, 1.0])

@@ -13,11 +13,16 @@ from hypothesis import strategies as st
 
 from paretoik.errors import InvalidInput, InvalidRobot
 from paretoik.robot.arm import Arm
+from paretoik.robot.body import inertia_fault, nearest_inertia
+from paretoik.robot.dynamics import gravity_torques, inverse_dynamics
 from paretoik.robot.kinematics import forward_kinematics, link_frames
 from paretoik.robot.pose import Pose
-from paretoik.robot.urdf import check_robot
+from paretoik.robot.urdf import RobotReport, check_robot, report_text
+from paretoik.robot.urdf_description import group_messages
+from paretoik.task.limits import Limits
 from paretoik.task.path import line
 from paretoik.task.task import Task
+from paretoik.task.validation import lacks_masses
 from studies.benchmarks.urdf import Tally, Tree, compare_chain, compare_file, random_chains
 from tests.robot.conftest import JACO, PANDA
 from tests.robot.random_urdfs import random_robot
@@ -257,3 +262,330 @@ def test_a_urdf_is_read_and_built_without_pinocchio(monkeypatch):
     monkeypatch.setitem(sys.modules, "pinocchio", None)
     assert check_robot(PANDA).faults == ()
     assert Arm.from_urdf(PANDA, tip="panda_hand_tcp").dof == 7
+
+
+# The chain of a URDF: which joints move, where the others are frozen, and what is said about them.
+
+
+@pytest.mark.usefixtures("unchecked")
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({}, "tip: one of the leaves panda_hand_tcp, panda_leftfinger, panda_rightfinger wanted, got none"),
+        ({"tip": "hand"}, "tip: one of panda_link0, .* wanted, got 'hand'"),
+        ({"base": "foot", "tip": "panda_hand"}, "base: one of panda_link0, .* wanted, got 'foot'"),
+        (
+            {"base": "panda_hand", "tip": "panda_link3"},
+            "base: a link wanted that carries the tip 'panda_link3', got 'panda_hand'",
+        ),
+        ({"tip": "panda_hand", "fixed": {"elbow": 0.0}}, "fixed: joints among panda_joint1, .* wanted, got 'elbow'"),
+        ({"tip": "panda_hand", "fixed": {"panda_joint1": np.nan}}, "joint 'panda_joint1': must be finite"),
+        ({"tip": "panda_hand", "zero_limits": "ignore"}, "zero_limits must be one of None, unlimited, got 'ignore'"),
+    ],
+)
+def test_unknown_names_and_values_are_refused(options, words):
+    with pytest.raises(InvalidInput, match=words):
+        Arm.from_urdf(PANDA, **options)
+
+
+def test_joints_fixed_on_loading_are_the_whole_arm_held_there(panda_arm):
+    held = Arm.from_urdf(PANDA, tip="panda_hand_tcp", fixed={"panda_joint3": 0.4})
+    assert held.joint_names == tuple(f"panda_joint{i}" for i in (1, 2, 4, 5, 6, 7))
+    q = np.random.default_rng(1).normal(size=(3, 4, 6))
+    other = panda_arm.fixed(panda_joint3=0.4)
+    assert inverse_dynamics(held, *q) == pytest.approx(inverse_dynamics(other, *q), rel=1e-12, abs=1e-12)
+    assert any("'panda_joint3': on the chain, frozen at 0.4 rad" in notice for notice in held.notices)
+
+
+def test_a_mimic_joint_off_the_chain_follows_its_frozen_leader():
+    arm = Arm.from_urdf(PANDA, tip="panda_hand_tcp", fixed={"panda_finger_joint1": 0.03})
+    left, right = (forward_kinematics(arm, np.zeros(7), f"panda_{side}finger")[1] for side in ("left", "right"))
+    assert np.linalg.norm(left - right) == pytest.approx(0.06)
+
+
+def test_a_base_above_the_root_leaves_out_what_is_before_it(panda_arm):
+    arm = Arm.from_urdf(PANDA, base="panda_link2", tip="panda_hand_tcp")
+    assert arm.joint_names == panda_arm.joint_names[2:]
+    assert any("what is above it is left out" in notice for notice in arm.notices)
+    q = np.random.default_rng(2).normal(size=5)
+    whole = forward_kinematics(panda_arm, np.array([0.0, 0.0, *q]))[1]
+    frame = forward_kinematics(panda_arm, np.zeros(7), "panda_link2")
+    assert frame[1] + frame[0] @ forward_kinematics(arm, q)[1] == pytest.approx(whole)
+
+
+@pytest.mark.parametrize("kind", ["planar", "floating"])
+def test_joints_with_several_freedoms_are_refused_by_name_on_the_chain_only(write_urdf, kind):
+    with pytest.raises(
+        InvalidRobot,
+        match=f"joint 'j2': joints of one freedom of their own wanted on the chain from base to tip, got a {kind}",
+    ):
+        Arm.from_urdf(write_urdf(*chain_of_three(kind, "")))
+    arm = Arm.from_urdf(write_urdf(*chain_of_three(), link("e"), joint("side", "a", "e", kind, "")), tip="d")
+    assert arm.dof == 3
+    assert any(f"'side': off the chain, frozen where its {kind} motion is zero" in notice for notice in arm.notices)
+
+
+def test_a_mimic_joint_is_refused_by_name_on_the_chain_unless_it_or_its_leader_is_fixed(write_urdf):
+    file = write_urdf(*chain_of_three(inside=LIMIT + '<mimic joint="j1" multiplier="-2" offset="0.25"/>'))
+    with pytest.raises(
+        InvalidRobot, match=r"joint 'j2': joints of one freedom of their own wanted on the chain .*, got a mimic"
+    ):
+        Arm.from_urdf(file)
+    assert Arm.from_urdf(file, fixed={"j2": 0.5}).joint_names == ("j1", "j3")
+    arm = Arm.from_urdf(file, fixed={"j1": 0.5})
+    assert arm.joint_names == ("j3",)
+    assert "joint 'j2': on the chain, frozen at -0.75 rad" in arm.notices
+
+
+def test_a_frozen_joint_that_mimics_a_moving_one_is_told(write_urdf):
+    parts = [*chain_of_three(), link("e"), joint("side", "d", "e", inside=LIMIT + '<mimic joint="j1" offset="0.25"/>')]
+    arm = Arm.from_urdf(write_urdf(*parts), tip="d")
+    assert "joint 'side': off the chain, frozen at 0.25 rad, though it mimics 'j1'" in arm.notices
+
+
+def test_a_frozen_joint_outside_its_limits_is_told(write_urdf):
+    limit = '<limit lower="0.1" upper="1" velocity="1" effort="1"/>'
+    arm = Arm.from_urdf(write_urdf(*chain_of_three(), link("e"), joint("side", "d", "e", inside=limit)), tip="d")
+    assert "joint 'side': off the chain, frozen at 0 rad, outside its limits" in arm.notices
+
+
+def test_a_massless_moving_link_is_told_and_serves_kinematics_alone(write_urdf):
+    parts = chain_of_three()
+    parts[2] = link("c", "")
+    arm = Arm.from_urdf(write_urdf(*parts))
+    assert (
+        "joint 'j2': moves no mass, though other joints follow it: no torques and energies of this arm" in arm.notices
+    )
+    assert lacks_masses(arm)
+    arm = Arm.from_urdf(write_urdf(*chain_of_three(last="")))
+    assert "joint 'j3': moves no mass" in arm.notices
+    assert arm.bodies[2].mass == 0.0
+    assert not lacks_masses(arm)
+
+
+def test_gravity_points_down_in_the_world_of_the_root_for_a_base_on_a_tilted_mount(write_urdf):
+    mount = joint("mount", "world", "a", "fixed", '<origin rpy="1.5707963267948966 0 0"/>')
+    lever = BODY.replace("<mass", '<origin xyz="0.6 0 0"/><mass')
+    swing = joint("j", "a", "b", inside=LIMIT + '<axis xyz="0 0 1"/>')
+    arm = Arm.from_urdf(write_urdf(link("world"), link("a"), link("b", lever), mount, swing), base="a")
+    assert gravity_torques(arm, np.zeros((1, 1)))[0] == pytest.approx([5.886])
+    assert any("base 'a' is tilted against the root 'world': gravity is (" in notice for notice in arm.notices)
+
+
+def test_limits_of_urdf_1_2_are_the_arms_and_those_of_jerk_are_told(write_urdf):
+    limit = LIMIT.replace("/>", ' acceleration="7" deceleration="5" jerk="90"/>')
+    arm = Arm.from_urdf(write_urdf(*chain_of_three(inside=limit)))
+    assert arm.acceleration_limits.tolist() == [np.inf, 5.0, np.inf]
+    assert arm.jerk_limits.tolist() == [np.inf, 90.0, np.inf]
+    assert any("jerk limits of 1 joints, from 'j2' on, do not bind motions" in notice for notice in arm.notices)
+    assert Limits().bounds(arm, 3)["acceleration"][0, 1].tolist() == [-5.0, 5.0]
+    assert Limits(acceleration=np.inf).bounds(arm, 3).keys() == {"position", "velocity", "torque"}
+    assert arm.fixed(j1=0.0).acceleration_limits.tolist() == [5.0, np.inf]
+
+
+def test_soft_limits_are_told_or_taken(write_urdf):
+    soft = '<safety_controller soft_lower_limit="-0.5" soft_upper_limit="9" k_velocity="1"/>'
+    file = write_urdf(*chain_of_three(inside=LIMIT + soft))
+    arm, safe = Arm.from_urdf(file), Arm.from_urdf(file, soft=True)
+    assert arm.position_limits[1].tolist() == [-1.0, 2.0]
+    assert "soft limits of 1 joints, from 'j2' on, are not used: soft=True uses them" in arm.notices
+    assert safe.position_limits[1].tolist() == [-0.5, 2.0]
+    assert not any("soft" in notice for notice in safe.notices)
+    apart = write_urdf(*chain_of_three(inside=LIMIT + soft.replace('"-0.5"', '"3"')))
+    assert Arm.from_urdf(apart).dof == 3
+    with pytest.raises(InvalidRobot, match="joint 'j2': soft limits must overlap its limits"):
+        Arm.from_urdf(apart, soft=True)
+    assert check_robot(apart, soft=True).faults
+    gains = write_urdf(*chain_of_three(inside=LIMIT + '<safety_controller k_velocity="1"/>'))
+    assert not any("soft" in notice for notice in Arm.from_urdf(gains).notices)
+
+
+def test_a_quaternion_in_a_file_of_urdf_1_0_is_read_and_told(write_urdf):
+    turn = '<origin quat_xyzw="0 0 2 2"/>'
+    file = write_urdf(*chain_of_three(inside=LIMIT + turn))
+    assert Arm.from_urdf(file).pose(np.zeros(3)).rotation[:2, 0] == pytest.approx([0.0, 1.0])
+    told = [warning for warning in check_robot(file).warnings if "quat_xyzw" in warning]
+    assert len(told) == 2
+    assert "quat_xyzw is of URDF 1.1" in told[0]
+    assert "quat_xyzw has length 2.82843" in told[1]
+
+
+def test_a_chain_without_a_moving_joint_is_refused(write_urdf):
+    file = write_urdf(link("a"), link("b"), joint("j", "a", "b", "fixed", ""))
+    with pytest.raises(InvalidRobot, match="a joint that moves wanted between 'a' and 'b'"):
+        Arm.from_urdf(file)
+
+
+WRONG = BODY.replace('izz="1"', 'izz="9"')
+
+
+@pytest.mark.parametrize(
+    ("parent", "moved", "taken"),
+    [("a", 0.0, "no joint moves it, left out"), ("d", 1.0, "off the chain, taken as a point mass")],
+)
+def test_an_antenna_with_a_wrong_inertia_is_a_point_mass_and_is_told(write_urdf, parent, moved, taken):
+    parts = [*chain_of_three(), link("antenna", WRONG), joint("mast", parent, "antenna", "fixed", "")]
+    file = write_urdf(*parts)
+    arm = Arm.from_urdf(file, tip="d")
+    words = "link 'antenna': inertia must keep the triangle inequality"
+    assert next(notice for notice in arm.notices if words in notice).endswith(f"; {taken}")
+    assert arm.bodies[2].mass == 1.0 + moved
+    np.testing.assert_array_equal(arm.bodies[2].inertia, np.eye(3))
+    report = check_robot(file, tip="d")
+    assert report.faults == ()
+    assert any(words in warning for warning in report.warnings)
+    if parent == "d":
+        assert any(words in fault for fault in check_robot(file).faults)  # it is the only leaf, and so the tip
+        with pytest.raises(InvalidRobot, match=words):
+            Arm.from_urdf(file, tip="antenna")
+
+
+@pytest.mark.parametrize("frozen", [False, True])
+def test_a_link_that_no_joint_moves_may_have_any_inertia(write_urdf, frozen):
+    mount = joint("mount", "world", "a", "revolute" if frozen else "fixed")
+    right = write_urdf(link("world"), mount, *chain_of_three(), name="right.urdf")
+    wrong = write_urdf(link("world", WRONG), mount, *chain_of_three(), name="wrong.urdf")
+    options = {"tip": "d", "fixed": {"mount": 0.3} if frozen else None}
+    arm, other = Arm.from_urdf(wrong, **options), Arm.from_urdf(right, **options)
+    words = "link 'world': inertia must keep the triangle inequality"
+    assert next(notice for notice in arm.notices if words in notice).endswith("; no joint moves it, left out")
+    q = np.random.default_rng(3).normal(size=(3, 3))
+    np.testing.assert_array_equal(inverse_dynamics(arm, *q), inverse_dynamics(other, *q))
+    with pytest.raises(InvalidRobot, match="link 'd': inertia must keep the triangle inequality"):
+        Arm.from_urdf(write_urdf(*chain_of_three(last=WRONG)), tip="d")
+
+
+def test_without_a_tip_faults_are_those_of_every_chain_and_others_are_warnings(write_urdf):
+    hands = [link("e", WRONG), link("f", WRONG), joint("k", "d", "e"), joint("m", "d", "f", inside="")]
+    report = check_robot(write_urdf(*chain_of_three(), *hands))
+    assert report.faults == ()
+    assert [warning.split("'")[1] for warning in report.warnings] == ["e", "f", "m"]
+    assert all(warning.endswith("; it matters on a chain that it is on") for warning in report.warnings)
+    with pytest.raises(InvalidRobot, match="link 'e': inertia must keep"):
+        Arm.from_urdf(report.file, tip="e")
+    parts = chain_of_three()
+    parts[2] = link("c", WRONG)
+    assert [fault.split("'")[1] for fault in check_robot(write_urdf(*parts, *hands)).faults] == ["c"]
+
+
+def test_faults_of_parts_off_the_chain_are_warnings_that_say_what_becomes_of_them(write_urdf):
+    heavy = BODY.replace('value="1"', 'value="heavy"')
+    away = '<origin xyz="0 0"/>'
+    parts = [
+        *chain_of_three(),
+        link("camera", heavy),
+        link("mast"),
+        link("flag"),
+        joint("lens", "d", "camera", "fixed"),
+    ]
+    parts += [joint("ball", "c", "mast", "ball", ""), joint("rope", "mast", "flag", inside=away)]
+    parts += [
+        link("finger"),
+        link("thumb"),
+        joint("f", "d", "finger", inside=LIMIT + '<mimic joint="x" offset="0.2"/>'),
+    ]
+    parts += [joint("t", "d", "thumb", inside=LIMIT + '<mimic joint="t" multiplier="2"/>')]
+    file = write_urdf(*parts)
+    arm, report = Arm.from_urdf(file, tip="d"), check_robot(file, tip="d")
+    assert report.faults == ()
+    assert {*arm.notices} <= {*report.warnings}
+    assert arm.bodies[2].mass == 3.0  # with finger and thumb, without the camera
+    assert "mast" in arm.frames
+    assert "flag" not in arm.frames
+    assert "joint 'f': off the chain, frozen at 0.2 rad" in arm.notices
+    for words in (
+        "link 'camera': mass value must be a number, got 'heavy'; off the chain, left out",
+        "joint 'ball': type must be one of",
+        "joint 'f': must mimic a joint of the robot, got 'x'; off the chain, frozen",
+        "joint 't': must mimic another joint, got itself; off the chain, frozen",
+        "joint 'rope': origin xyz must be 3 numbers, got '0 0'; off the chain, with all that it carries, left out",
+    ):
+        assert any(words in warning for warning in report.warnings), words
+    for tip in ("camera", "mast", "flag", "finger", "thumb"):
+        assert check_robot(file, tip=tip).faults
+        with pytest.raises(InvalidRobot):
+            Arm.from_urdf(file, tip=tip)
+
+
+def test_macros_in_shapes_are_a_warning_and_others_a_fault_of_what_they_are_in(write_urdf):
+    shape = '<visual><xacro:mesh name="x"/></visual>'
+    parts = [*chain_of_three(last=shape + BODY), link("e", "<xacro:block/>"), joint("k", "c", "e", "fixed", "")]
+    file = write_urdf(*parts)
+    report = check_robot(file, tip="d")
+    assert report.faults == ()
+    assert any("1 macros of xacro, in parts that are not read" in warning for warning in report.warnings)
+    assert Arm.from_urdf(file, tip="d").dof == 3
+    assert "must be expanded by xacro, got the macro <xacro:block>" in check_robot(file, tip="e").faults[0]
+
+
+def test_a_light_link_with_a_wrong_inertia_is_judged_by_the_body_that_it_is_a_part_of(write_urdf):
+    light = BODY.replace('"1"', '"1e-8"').replace('izz="1e-8"', 'izz="9e-8"')
+    parts = [*chain_of_three(), link("sticker", light), joint("glue", "d", "sticker", "fixed", "")]
+    arm = Arm.from_urdf(write_urdf(*parts))
+    assert any("link 'sticker': inertia must keep" in notice and "has a real one" in notice for notice in arm.notices)
+    moments = np.linalg.eigvalsh(arm.bodies[2].inertia)
+    np.testing.assert_allclose(moments, [1 + 1e-8, 1 + 1e-8, 1 + 9e-8], rtol=1e-15)
+
+
+@pytest.mark.parametrize("moments", [(1, 1, 9), (-1, 2, 2), (-1, -1, -1)])
+def test_a_repaired_inertia_is_that_of_a_real_body_and_is_told(write_urdf, moments):
+    xx, yy, zz = moments
+    body = f'<inertial><mass value="1"/><inertia ixx="{xx}" ixy="0" ixz="0" iyy="{yy}" iyz="0" izz="{zz}"/></inertial>'
+    file = write_urdf(*chain_of_three(last=body))
+    with pytest.raises(InvalidRobot, match="repair_inertias=True"):
+        Arm.from_urdf(file)
+    arm = Arm.from_urdf(file, repair_inertias=True)
+    assert inertia_fault(arm.bodies[2].inertia) is None
+    told = [notice for notice in arm.notices if "link 'd': inertia must" in notice]
+    assert len(told) == 1
+    expected = np.sort(np.diag(nearest_inertia(np.diag(np.array(moments, float)))))
+    assert told[0].endswith("now {:.4g}, {:.4g} and {:.4g} kg m²".format(*expected))
+    assert told[0] in check_robot(file, repair_inertias=True).warnings
+    assert check_robot(file, repair_inertias=True).faults == ()
+
+
+def test_every_fault_of_a_file_that_is_no_tree_is_listed_wherever_it_is(write_urdf):
+    parts = [*chain_of_three(), link("antenna", WRONG), link("e", "<inertial/>"), link("alone")]
+    file = write_urdf(*parts, joint("k", "d", "e", "fixed", ""), joint("mast", "a", "antenna", "fixed", ""))
+    with pytest.raises(InvalidRobot) as refused:
+        Arm.from_urdf(file, tip="d")
+    assert any("triangle" in fault for fault in refused.value.faults)
+    assert any("<mass>" in fault for fault in refused.value.faults)
+
+
+def test_very_many_warnings_are_grouped_before_they_are_counted(write_urdf):
+    parts = [
+        part
+        for number in range(150)
+        for part in (link(f"plate{number}", WRONG), joint(f"k{number}", "a", f"plate{number}", "fixed", ""))
+    ]
+    report = check_robot(write_urdf(*chain_of_three(), *parts), tip="d")
+    assert len([warning for warning in report.warnings if "triangle" in warning]) == 150
+    (line,) = [line for line in report_text(report).splitlines() if line.startswith("warning")]
+    assert line.startswith("warning: each of 150 links, 'plate0', 'plate1', 'plate2' and 147 more: inertia must keep")
+
+
+def test_of_very_many_warnings_that_differ_the_first_hundred_are_in_the_text():
+    warnings = tuple(f"line {number}: warning {number}" for number in range(130))
+    text = report_text(RobotReport(file=Path("r.urdf"), faults=(), warnings=warnings, summary=()))
+    assert text.splitlines()[99:] == ["warning: line 99: warning 99", "warning: and 30 more", "no faults"]
+
+
+def test_equal_messages_of_no_link_or_joint_are_one():
+    several = ["line 2: friction is not modelled"] * 2
+    assert group_messages(several) == several[:1]
+    assert group_messages([*several, "joint 'a': moves no mass", *several, "joint 'b': moves no mass"]) == [
+        several[0],
+        "each of 2 joints, 'a' and 'b': moves no mass",
+    ]
+
+
+def test_what_is_said_alike_of_several_links_is_one_line_of_the_report_and_each_a_warning_of_it(write_urdf):
+    names = [f"antenna{number}" for number in range(5)]
+    parts = [part for name in names for part in (link(name, WRONG), joint(f"mast_{name}", "a", name, "fixed", ""))]
+    report = check_robot(write_urdf(*chain_of_three(), *parts), tip="d")
+    assert [warning.split("'")[1] for warning in report.warnings] == names
+    assert [line for line in report_text(report).splitlines() if line.startswith("warning")] == [
+        "warning: each of 5 links, 'antenna0', 'antenna1', 'antenna2' and 2 more: inertia must keep the triangle "
+        "inequality, got principal moments 1, 1 and 9 kg m²; no joint moves it, left out"
+    ]

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import time
+import tracemalloc
+
 import numpy as np
 import pytest
 
-from paretoik.errors import InvalidRobot
+from paretoik.errors import InvalidInput, InvalidRobot
 from paretoik.robot.arm import Arm
 from paretoik.robot.kinematics import forward_kinematics
 from paretoik.robot.urdf import check_robot, report_text
 from tests.robot.faulty_urdfs import BODY, ENDS, HEAD, JOINT, LIMIT, TAIL, jointed, limited, massed, moments, robot
-from tests.robot.urdf_text import chain_of_three
+from tests.robot.urdf_text import chain_of_three, joint, link
 
 
 def test_a_name_of_nine_million_letters_is_refused_in_a_short_line(tmp_path):
@@ -176,3 +179,149 @@ def test_mass_without_inertia_is_taken_as_a_point_with_a_warning(write_urdf):
     file = write_urdf(*chain_of_three(last=point))
     assert any("link 'd': has mass but no inertia" in warning for warning in check_robot(file).warnings)
     assert Arm.from_urdf(file).bodies[2].mass == 2.0
+
+
+# Links and joints that are not one tree, and mimic joints that follow nothing, are named with their line.
+
+
+TREE_FAULTS = {
+    "unknown parent": (
+        jointed('<parent link="x"/><child link="b"/>' + LIMIT),
+        "line 5: joint 'j': parent must be a link of the robot, got 'x'",
+    ),
+    "unknown child": (
+        jointed('<parent link="a"/><child link="x"/>' + LIMIT),
+        "line 5: joint 'j': child must be a link of the robot, got 'x'",
+    ),
+    "mimic of nothing": (
+        limited(LIMIT + '<mimic joint="ghost"/>'),
+        "line 5: joint 'j': must mimic a joint of the robot, got 'ghost'",
+    ),
+    "mimic of itself": (
+        limited(LIMIT + '<mimic joint="j"/>'),
+        "line 5: joint 'j': must mimic another joint, got itself",
+    ),
+    "two roots": (robot(more='<link name="c"/>'), "line 1: the robot must have one root link, got 2: 'a', 'c'"),
+    "two parents": (
+        robot(more='<joint name="k" type="fixed"><parent link="a"/><child link="b"/></joint>'),
+        "line 6: link 'b': must be the child of one joint, got 'j' and 'k'",
+    ),
+    "loop": (
+        robot(more='<joint name="k" type="fixed"><parent link="b"/><child link="a"/></joint>'),
+        "line 5: joints must form a tree, got the loop 'j', 'k'",
+    ),
+    "joint to itself": (
+        jointed('<parent link="b"/><child link="b"/>' + LIMIT),
+        "joints must form a tree, got the loop 'j'",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", TREE_FAULTS)
+def test_what_keeps_links_and_joints_from_being_one_tree_is_named(tmp_path, name):
+    content, words = TREE_FAULTS[name]
+    file = tmp_path / "robot.urdf"
+    file.write_text(content, encoding="utf-8")
+    faults = check_robot(file).faults
+    assert any(words in fault for fault in faults), faults
+
+
+def test_each_of_two_loops_is_named_once(write_urdf):
+    links = [link(name) for name in "abcde"]
+    joints = [joint(f"{x}{y}", x, y, "fixed", "") for x, y in ("ab", "bc", "ca", "de", "ed")]
+    loops = [fault for fault in check_robot(write_urdf(*links, *joints)).faults if "loop" in fault]
+    assert [fault.split("the loop ")[-1] for fault in loops] == ["'ab', 'ca', 'bc'", "'de', 'ed'"]
+
+
+def test_of_many_roots_ten_are_named(write_urdf):
+    (fault,) = check_robot(write_urdf(*(link(f"n{i}") for i in range(12)))).faults
+    assert "got 12: 'n0', " in fault
+    assert fault.endswith("'n9', ...")
+
+
+def test_a_chain_of_a_thousand_links_is_checked(write_urdf):
+    parts = [*(link(f"n{i}") for i in range(1000)), *(joint(f"j{i}", f"n{i}", f"n{i + 1}") for i in range(999))]
+    assert check_robot(write_urdf(*parts)).faults == ()
+
+
+# A file that is not the XML of a robot is one error with its line, in bounded time and memory.
+
+
+NESTED = "<a>" * 100_000
+LAUGHS = '<!DOCTYPE r [<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;">]>'
+UNREADABLE = {
+    "empty": ("", "a robot wanted, got an empty file"),
+    "blank": ("\n \n", "line 3: well-formed XML wanted, got no element found"),
+    "truncated": (robot()[:-20], "line 5: well-formed XML wanted, got unclosed token"),
+    "truncated in a tag": (robot()[:130], "well-formed XML wanted, got "),
+    "not XML": ("solid cube\nfacet", "line 1: well-formed XML wanted, got syntax error"),
+    "JSON": ('{"robot": 1}', "line 1: well-formed XML wanted, got "),
+    "NUL": (robot().replace("robot name", "robot\0name"), "line 2: well-formed XML wanted, got "),
+    "binary": (bytes(range(256)), "line 1: well-formed XML wanted, got "),
+    "wrong encoding": ('<?xml version="1.0" encoding="klingon"?><robot/>', "line 1: "),
+    "several bytes a letter": ('<?xml version="1.0" encoding="shift_jis"?><robot/>', "line 1: "),
+    "broken UTF-8": (b'<robot name="\xff\xfe"/>', "line 1: well-formed XML wanted, got "),
+    "another root": ("<html><body/></html>", "line 1: the root element must be <robot>, got <html>"),
+    "two roots": (robot() + "<robot/>", "well-formed XML wanted, got junk after document element"),
+    "macro": (
+        HEAD + '<xacro:include filename="x"/>' + TAIL,
+        "line 3: a robot that xacro has expanded wanted, got the macro <xacro:include>",
+    ),
+    "DOCTYPE": ('<?xml version="1.0"?>\n<!DOCTYPE robot>' + robot()[21:], "line 2: a robot without DOCTYPE wanted"),
+    "ENTITY": (f"{LAUGHS}<robot name='&b;'/>", "line 1: a robot without DOCTYPE wanted"),
+    "external": ('<!DOCTYPE r SYSTEM "http://example.org/x.dtd"><robot/>', "line 1: a robot without DOCTYPE wanted"),
+    "unknown entity": (HEAD + "&secret;" + TAIL, "line 3: well-formed XML wanted, got undefined entity"),
+    "deep": (HEAD + NESTED, "line 3: elements nested at most 64 deep wanted"),
+    "many elements": (HEAD + "<link/>\n" * 50_001 + TAIL, "line 50002: at most 50,000 elements wanted, got more"),
+    "huge": (HEAD + " " * 10_000_000, "at most 10 MB wanted, got a larger file"),
+}
+
+
+@pytest.mark.usefixtures("unchecked")  # which cost time and memory of their own
+@pytest.mark.parametrize("name", UNREADABLE)
+def test_a_file_that_is_no_robots_xml_is_one_error_with_its_line(tmp_path, name):
+    content, words = UNREADABLE[name]
+    file = tmp_path / "robot.urdf"
+    file.write_bytes(content if isinstance(content, bytes) else content.encode())
+    start = time.perf_counter()
+    with pytest.raises(InvalidRobot) as caught:
+        Arm.from_urdf(file)
+    assert time.perf_counter() - start < 10.0
+    assert len(caught.value.faults) == 1
+    assert words in caught.value.faults[0]
+    assert str(caught.value).startswith(f"{file}: a robot without faults wanted, got 1 fault: ")
+    assert "\n" not in str(caught.value)
+    assert check_robot(file).faults == caught.value.faults
+
+
+@pytest.mark.usefixtures("unchecked")  # which cost time and memory of their own
+@pytest.mark.parametrize("name", ["deep", "many elements", "huge"])
+def test_a_hostile_file_costs_bounded_memory(tmp_path, name):
+    file = tmp_path / "robot.urdf"
+    file.write_text(UNREADABLE[name][0], encoding="utf-8")
+    tracemalloc.start()
+    with pytest.raises(InvalidRobot):
+        Arm.from_urdf(file)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 60e6
+
+
+def test_a_missing_file_or_a_folder_is_told(tmp_path):
+    with pytest.raises(InvalidInput, match="a plain file wanted, got no such file"):
+        Arm.from_urdf(tmp_path / "none.urdf")
+    with pytest.raises(InvalidInput, match="a plain file wanted, got a folder"):
+        check_robot(tmp_path)
+
+
+def test_every_truncation_of_a_good_file_is_refused(tmp_path):
+    whole = robot()
+    file = tmp_path / "robot.urdf"
+    for length in range(len(whole)):
+        file.write_text(whole[:length], encoding="utf-8")
+        assert check_robot(file).faults, length
+
+
+def test_transmissions_and_plug_ins_that_name_joints_are_not_joints(write_urdf):
+    extra = '<transmission name="t"><joint name="j1"/></transmission><gazebo><link/><joint/></gazebo>'
+    assert Arm.from_urdf(write_urdf(*chain_of_three(), extra)).dof == 3

@@ -6,13 +6,17 @@ import numpy as np
 import pytest
 from moocore import hypervolume
 from pymoo.core.population import Population
+from pymoo.operators.crossover.dex import DEX
+from pymoo.operators.crossover.sbx import SBX
+from pymoo.operators.mutation.pm import PM
 from pymoo.operators.sampling.lhs import LHS
 from pymoo.optimize import minimize
 from pymoo.problems import get_problem
 
 from paretoik.errors import InvalidInput
-from paretoik.search.nsga2 import MaxiMinNSGA2
-from tests.search.problems import Constant, Parabolas, Repeated
+from paretoik.search.ask_tell import Search
+from paretoik.search.nsga2 import BranchwiseMating, MaxiMinNSGA2, Parents
+from tests.search.problems import Branches, Constant, Parabolas, Repeated
 
 
 def test_it_solves_zdt1_through_minimize():
@@ -120,3 +124,105 @@ def test_offspring_may_differ_in_number():
     assert result.algorithm.evaluator.n_eval == 10 + 4 * 3
     with pytest.raises(InvalidInput, match="n_offsprings: an integer of at least 1 wanted, got 0"):
         MaxiMinNSGA2(n_offsprings=0)
+
+
+# Tournaments, species, and offspring that are new.
+
+
+def population(problem, X, *, rank=None, distance=None, violation=None):
+    n = len(X)
+    pop = Population.new("X", X)
+    pop.set("F", problem.evaluate(X, return_values_of=["F"]))
+    pop.set("rank", np.zeros(n, int) if rank is None else rank)
+    pop.set("crowding", np.ones(n) if distance is None else distance)
+    pop.set("CV", np.zeros((n, 1)) if violation is None else violation)
+    return pop
+
+
+def mating(**settings):
+    return BranchwiseMating(SBX(eta=15, prob=0.9), PM(eta=20), **settings)
+
+
+def parents(violation, rank, distance, F=None):
+    n = len(rank)
+    F = np.zeros((n, 2)) if F is None else np.array(F, dtype=float)
+    return Parents(np.zeros((n, 1)), F, np.array(violation), np.array(rank), np.array(distance), np.zeros(n, int))
+
+
+def winners(who, a, b, **settings):
+    return mating(**settings)._select_winners(who, np.array(a), np.array(b), np.random.default_rng(0)).tolist()
+
+
+def test_a_tournament_goes_by_violation_then_rank_then_distance():
+    who = parents([0.0, 0.0, 0.0, 0.1, np.inf], [0, 0, 1, 5, 6], [1.0, np.inf, np.inf, 0.0, 0.0])
+    assert winners(who, [0, 1, 2, 3, 4], [1, 0, 0, 2, 3]) == [1, 1, 0, 2, 3]
+
+
+def test_a_tournament_of_equals_is_decided_by_chance():
+    who = parents([0.0, 0.0], [0, 0], [1.0, 1.0])
+    won = winners(who, [0] * 200, [1] * 200)
+    assert 60 < sum(won) < 140
+
+
+def test_an_infeasible_point_beats_a_feasible_one_only_if_asked_to_and_better():
+    who = parents([0.0, 0.1, 0.1], [0, 1, 2], [1.0, 0.0, 0.0], F=[[1, 1], [0, 0], [0, 2]])
+    assert winners(who, [0, 1, 0], [1, 0, 2]) == [0, 0, 0]
+    assert winners(who, [0, 1, 0], [1, 0, 2], infeasible_parents=True) == [1, 1, 0]
+
+
+def test_offspring_stay_in_their_parents_species_or_jump_whole():
+    problem = Branches()
+    rng = np.random.default_rng(4)
+    X = np.column_stack((rng.integers(0, 4, 80) + 0.125, rng.uniform(-1, 1, (80, 2))))
+    X[:, 1] = problem.species(X) * 0.01  # a species' mark, narrow against mutation
+    children = mating().do(problem, population(problem, X), 400, random_state=rng).get("X")
+    stayed = children[:, 0] % 1 == 0.125
+    assert ((children[:, 0] % 1 == 0.5) | stayed).all()
+    assert 0.01 < (~stayed).mean() < 0.12
+    assert (problem.xl <= children).all()
+    assert (children <= problem.xu).all()
+    marked = np.isclose(children[stayed, 1], 0.01 * problem.species(children[stayed]))
+    assert marked.mean() > 0.5  # crossing two species would have mixed the marks
+
+
+def test_one_member_of_a_species_still_has_offspring():
+    problem = Branches()
+    X = np.array([[0.5, 0.1, 0.1], [1.5, 0.2, 0.2], [2.5, 0.3, 0.3], [3.5, 0.4, 0.4]])
+    children = mating().do(problem, population(problem, X), 40, random_state=np.random.default_rng(0)).get("X")
+    assert set(problem.species(children)) == {0, 1, 2, 3}
+
+
+def test_offspring_repeat_neither_each_other_nor_their_parents():
+    problem = Branches()
+    X = np.random.default_rng(1).random((20, 3))
+    children = mating().do(problem, population(problem, X), 50, random_state=np.random.default_rng(2)).get("X")
+    assert len(np.unique(np.concatenate((X, children)), axis=0)) == 70
+
+
+@pytest.mark.parametrize("count", [1, 7, 50])
+def test_as_many_offspring_as_wanted_even_where_there_is_no_room(count):
+    problem = Constant(2)
+    problem.xl = problem.xu = np.array([0.5, 0.5])
+    X = np.full((4, 2), 0.5)
+    children = mating().do(problem, population(problem, X), count, random_state=np.random.default_rng(0)).get("X")
+    assert children.tolist() == [[0.5, 0.5]] * count
+
+
+def test_a_dominated_but_live_species_is_still_there_in_the_end():
+    problem = Branches()
+    rng = np.random.default_rng(0)
+    initial = np.column_stack((np.repeat(np.arange(4), 5) + 0.5, rng.uniform(-1, 1, (20, 2))))
+    search = Search(problem, population=40, seed=2, initial=initial)
+    for _ in range(40):
+        asked = search.ask()
+        search.tell(asked.ids, problem.evaluate(asked.X))
+    X = search._algorithm.pop.get("X")
+    counts = np.bincount(problem.species(X), minlength=4)
+    assert counts.min() == 5  # half of the places, shared out evenly
+    assert counts[0] == 25
+    assert set(problem.species(search.archive.members.X)) == {0}
+
+
+def test_a_crossover_of_five_parents_is_refused():
+    with pytest.raises(InvalidInput, match="crossover: an operator of 2 or 3 parents wanted, got 5"):
+        MaxiMinNSGA2(crossover=DEX(n_diffs=2))

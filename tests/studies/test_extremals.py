@@ -19,7 +19,7 @@ from paretoik.task.starts import sample_postures
 from studies.tringali_2020.extremals import integrate_extremal
 from studies.tringali_2020.shooting import shoot_extremals
 from tests.formulations.problems import panda
-from tests.self_motion.test_motion_starts import task_of
+from tests.task.test_starts import task_of
 
 FROM, TO = [0.4678, 0.0], [0.0983, 0.1526]  # m, the paper's line
 BEST = (-0.387576, 0.516724, 0.195441)  # rad, near where the best optimum starts

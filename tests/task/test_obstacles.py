@@ -6,10 +6,12 @@ import re
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from paretoik.errors import InvalidInput
 from paretoik.robot.pose import Pose
-from paretoik.task.obstacles import Box, Capsule, Circle, Sphere
+from paretoik.task.obstacles import Box, Capsule, Circle, Sphere, clearance, signed_distance
 
 
 def test_obstacles_cannot_be_changed():
@@ -44,3 +46,214 @@ def test_a_box_stands_at_its_point_or_pose():
 def test_what_is_no_obstacle_is_refused_with_name_wish_and_fact(make, message):
     with pytest.raises(InvalidInput, match=re.escape(message)):
         make()
+
+
+# Distances of links to obstacles: against brute force, and by the laws that any signed distance obeys.
+
+
+TILT = Pose.from_rpy([0.2, -0.3, 0.1], [0.5, -0.4, 1.2])
+OBSTACLES = {
+    "circle": Circle([0.3, -0.2], 0.4),
+    "sphere": Sphere([0.3, -0.2, 0.1], 0.4),
+    "capsule": Capsule([-0.3, 0.1, 0.2], [0.4, -0.2, 0.5], 0.15),
+    "capsule of no length": Capsule([-0.3, 0.1, 0.2], [-0.3, 0.1, 0.2], 0.3),
+    "box": Box([0.1, 0.2, -0.1], [0.3, 0.2, 0.5]),
+    "turned box": Box(TILT, [0.5, 0.2, 0.1]),
+    "rectangle": Box([0.1, -0.2], [0.5, 0.2]),
+    "turned rectangle": Box(Pose.planar(0.1, -0.2, 0.7), [0.5, 0.2]),
+}
+every_obstacle = pytest.mark.parametrize("obstacle", OBSTACLES.values(), ids=OBSTACLES.keys())
+
+coordinates = st.floats(-2, 2)
+points = st.tuples(coordinates, coordinates, coordinates).map(np.array)
+turns = st.floats(-3, 3)
+sizes = st.floats(0.01, 1.0)
+rotation_vectors = st.tuples(turns, turns, turns)
+
+
+def distance_of_points(obstacle, p):
+    """Signed distances of points (..., 3), written independently of the library."""
+    if isinstance(obstacle, Circle):
+        return np.linalg.norm(p[..., :2] - obstacle.center, axis=-1) - obstacle.radius
+    if isinstance(obstacle, Sphere):
+        return np.linalg.norm(p - obstacle.center, axis=-1) - obstacle.radius
+    if isinstance(obstacle, Capsule):
+        axis = obstacle.end - obstacle.start
+        along = ((p - obstacle.start) @ axis / max(axis @ axis, 1e-300)).clip(0, 1)
+        return np.linalg.norm(p - obstacle.start - along[..., None] * axis, axis=-1) - obstacle.radius
+    beyond = np.abs(obstacle.pose.inverse().apply(p)[..., : len(obstacle.half_sizes)]) - obstacle.half_sizes
+    return np.linalg.norm(beyond.clip(min=0), axis=-1) + beyond.max(axis=-1).clip(max=0)
+
+
+def distance_by_search(obstacle, starts, ends):
+    """Least distance along segments by ternary search, which is safe because every obstacle is convex."""
+    low, high = np.zeros(len(starts)), np.ones(len(starts))
+    for _ in range(100):
+        left, right = low + (high - low) / 3, high - (high - low) / 3
+        at_left, at_right = (distance_of_points(obstacle, starts + s[:, None] * (ends - starts)) for s in (left, right))
+        low, high = np.where(at_left > at_right, left, low), np.where(at_left > at_right, high, right)
+    distances = [
+        distance_of_points(obstacle, starts + s[:, None] * (ends - starts)) for s in (0 * low, low, 0 * low + 1)
+    ]
+    return np.min(distances, axis=0)
+
+
+def random_segments(count, seed=3):
+    rng = np.random.default_rng(seed)
+    starts = rng.uniform(-1, 1, (count, 3))
+    return starts, starts + rng.normal(size=(count, 3)) * 10.0 ** rng.uniform(-4, 0.5, (count, 1))
+
+
+@every_obstacle
+def test_clearance_agrees_with_dense_sampling_at_ten_thousand_postures(obstacle):
+    rng = np.random.default_rng(1)
+    bases, steps = rng.uniform(-0.8, 0.8, (10_000, 1, 3)), rng.uniform(-0.5, 0.5, (10_000, 3, 3))
+    nodes = np.cumsum(np.concatenate([bases, steps], axis=1), axis=1)
+    result = clearance([obstacle], nodes, radius=0.03)
+    sampled = np.full(10_000, np.inf)
+    for share in np.linspace(0, 1, 33):
+        at = nodes[:, :-1] + share * steps
+        sampled = np.minimum(sampled, distance_of_points(obstacle, at).min(axis=1) - 0.03)
+    longest = np.linalg.norm(steps, axis=2).max(axis=1)
+    assert (result < sampled + 1e-12).all()
+    assert (result > sampled - longest / 64 - 1e-12).all()  # a distance grows by at most the way gone
+    assert (result < 0).sum() > 400
+    assert (result > 0).sum() > 400
+
+
+@every_obstacle
+def test_distances_are_exact_to_rounding(obstacle):
+    starts, ends = random_segments(4000)
+    result = signed_distance(obstacle, starts, ends)
+    np.testing.assert_allclose(result, distance_by_search(obstacle, starts, ends), rtol=0, atol=1e-13)
+
+
+@every_obstacle
+def test_segments_along_the_axes_and_through_corners_are_exact(obstacle):
+    grid = np.array([-0.6, -0.4, 0.0, 0.1, 0.4, 1.1])
+    positions = np.stack(np.meshgrid(grid, grid, grid), axis=-1).reshape(-1, 3)
+    for axis in np.eye(3):
+        ends = positions + 0.7 * axis
+        result = signed_distance(obstacle, positions, ends)
+        np.testing.assert_allclose(result, distance_by_search(obstacle, positions, ends), rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("tilt", [0.0, 1e-15, 1e-12, 1e-8, 1e-4])
+def test_nearly_parallel_segments_lose_no_digits(tilt):
+    capsule = Capsule([0.0, 0.0, 0.0], [1.0, 0.0, 0.0], 0.1)
+    starts, ends = np.array([[0.2, -0.3 * tilt, 0.5]]), np.array([[0.9, 0.4 * tilt, 0.5]])
+    assert signed_distance(capsule, starts, ends) == pytest.approx(0.4, abs=1e-15)
+
+
+@every_obstacle
+def test_a_segment_of_no_length_is_a_point(obstacle):
+    positions, _ = random_segments(300)
+    expected = distance_of_points(obstacle, positions)
+    np.testing.assert_allclose(signed_distance(obstacle, positions, positions), expected, atol=1e-14)
+    for tiny in (1e-9, 1e-160, 5e-324):
+        np.testing.assert_allclose(signed_distance(obstacle, positions, positions + tiny), expected, atol=2e-9)
+
+
+@every_obstacle
+def test_a_segment_is_as_near_as_the_nearer_of_its_parts_whichever_way_it_runs(obstacle):
+    starts, ends = random_segments(500)
+    whole = signed_distance(obstacle, starts, ends)
+    middles = 0.3 * starts + 0.7 * ends
+    halves = signed_distance(obstacle, starts, middles), signed_distance(obstacle, middles, ends)
+    np.testing.assert_allclose(np.minimum(*halves), whole, atol=1e-14)
+    np.testing.assert_allclose(signed_distance(obstacle, ends, starts), whole, atol=1e-14)
+
+
+@given(points, rotation_vectors, points, points, points, points, sizes, st.tuples(sizes, sizes, sizes))
+def test_moving_obstacle_and_link_together_changes_nothing(
+    position, rotation_vector, start, end, first, last, radius, halves
+):
+    move, pose = Pose.from_rpy(position, rotation_vector), Pose.from_rpy(first, last)
+    pairs = [
+        (Sphere(first, radius), Sphere(move.apply(first), radius)),
+        (Capsule(first, last, radius), Capsule(move.apply(first), move.apply(last), radius)),
+        (Box(pose, halves), Box(move @ pose, halves)),
+        (Box(pose, halves[:2]), Box(move @ pose, halves[:2])),
+    ]
+    for here, there in pairs:
+        moved = signed_distance(there, move.apply(start), move.apply(end))
+        assert moved == pytest.approx(signed_distance(here, start, end), abs=1e-12)
+
+
+@given(coordinates, coordinates, turns, points, points, points, sizes)
+def test_moving_a_circle_in_its_plane_with_the_link_changes_nothing(x, y, angle, start, end, center, radius):
+    move = Pose.planar(x, y, angle)
+    moved = signed_distance(Circle(move.apply(center)[:2], radius), move.apply(start), move.apply(end))
+    assert moved == pytest.approx(signed_distance(Circle(center[:2], radius), start, end), abs=1e-12)
+
+
+@given(points, points, st.floats(-50, 50), st.floats(-50, 50))
+def test_flat_obstacles_are_endless_along_z(start, end, up, down):
+    for obstacle in (OBSTACLES["circle"], OBSTACLES["turned rectangle"]):
+        lifted = signed_distance(obstacle, start + up * np.eye(3)[2], end + down * np.eye(3)[2])
+        assert lifted == pytest.approx(signed_distance(obstacle, start, end), abs=1e-12)
+
+
+@every_obstacle
+def test_a_segment_has_the_same_bits_alone_and_in_a_batch(obstacle):
+    starts, ends = random_segments(60)
+    batch = signed_distance(obstacle, starts.reshape(3, 20, 3), ends.reshape(3, 20, 3))
+    single = [signed_distance(obstacle, start, end) for start, end in zip(starts, ends, strict=True)]
+    assert batch.shape == (3, 20)
+    assert single[0].shape == ()
+    assert (batch.ravel() == single).all()
+
+
+@every_obstacle
+def test_one_start_serves_many_ends(obstacle):
+    _, ends = random_segments(7)
+    start = np.array([0.9, 0.8, 0.7])
+    expected = signed_distance(obstacle, np.tile(start, (7, 1)), ends)
+    assert (signed_distance(obstacle, start, ends) == expected).all()
+
+
+@every_obstacle
+def test_a_posture_that_is_not_a_number_has_no_clearance_and_spoils_no_other(obstacle):
+    nodes = np.random.default_rng(2).normal(size=(5, 4, 3))
+    expected = clearance([obstacle], nodes)
+    nodes[2, 1, 0] = np.nan
+    result = clearance([obstacle], nodes)
+    assert np.isnan(result).tolist() == [False, False, True, False, False]
+    assert (result[[0, 1, 3, 4]] == expected[[0, 1, 3, 4]]).all()
+
+
+def test_clearance_is_the_least_over_links_and_obstacles_less_each_links_radius():
+    nodes = np.random.default_rng(4).normal(size=(6, 11, 4, 3))
+    radii = np.array([0.1, 0.02, 0.3])
+    result = clearance(list(OBSTACLES.values()), nodes, radius=radii)
+    each = [
+        signed_distance(obstacle, nodes[..., k, :], nodes[..., k + 1, :]) - radii[k]
+        for obstacle in OBSTACLES.values()
+        for k in range(3)
+    ]
+    assert result.shape == (6, 11)
+    np.testing.assert_allclose(result, np.min(each, axis=0), atol=1e-15)
+
+
+NODES = np.zeros((2, 3, 3))
+BALL = OBSTACLES["sphere"]
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: clearance([], NODES), "clearance: must be given at least one obstacle"),
+        (lambda: clearance([BALL], NODES[:, :1]), "nodes must have shape (..., 2 or more, 3), got (2, 1, 3)"),
+        (lambda: clearance([BALL], NODES, radius=-0.1), "link radius: must not be negative, got -0.1 m"),
+        (lambda: clearance([BALL], NODES, radius=[0.1, 0.1, 0.1]), "one for each of the 2 links, got shape (3,)"),
+    ],
+)
+def test_what_is_no_arm_is_refused_with_name_wish_and_fact(make, message):
+    with pytest.raises(InvalidInput, match=re.escape(message)):
+        make()
+
+
+@pytest.mark.parametrize("nodes", [NODES.astype(complex), NODES[..., :2]])
+def test_points_that_are_not_real_and_in_space_are_refused_instead_of_cut(nodes):
+    with pytest.raises((InvalidInput, TypeError), match=r"real points|TypeCheck|Type-check"):
+        clearance([BALL], nodes)

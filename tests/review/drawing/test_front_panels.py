@@ -6,9 +6,11 @@ from itertools import chain, combinations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from paretoik.review.drawing.axes import TEXT
-from paretoik.review.drawing.front_panels import Panels
+from paretoik.review.drawing.axes import TEXT, Canvas, text_width
+from paretoik.review.drawing.front_panels import Panels, bounds_in
 from tests.review.view_sizes import label_halves
 
 
@@ -54,3 +56,29 @@ def test_of_two_objectives_a_number_at_the_edge_of_the_frame_is_there():
     (canvas,) = Panels(labels=("energy [J s]", "torque [N m]")).canvases(np.array([[0.03914, 1.0], [0.04198, 2.0]]))
     across, _ = canvas._ticks()
     np.testing.assert_allclose(across, [0.039, 0.04, 0.041, 0.042])
+
+
+# The bounds ε of a panel: what each is stands beside its line, off the other line and its words.
+
+
+NAMES = (("energy", "J s"), ("torque", "N²m²s"))
+shares = st.floats(0.0, 1.0)
+
+
+def corners(bound) -> tuple[np.ndarray, np.ndarray]:
+    half = 0.5 * np.array([text_width(bound.words), 0.8 * TEXT.line])
+    return bound.middle - half, bound.middle + half
+
+
+@pytest.mark.parametrize("size", [(500.0, 390.0), (240.0, 180.0)])
+@given(first=shares, second=shares, maximised=st.tuples(st.booleans(), st.booleans()))
+def test_what_two_crossing_bounds_are_is_read_whatever_they_are(size, first, second, maximised):
+    canvas = Canvas(low=np.zeros(2), high=np.ones(2), labels=("x", "y"), width=size[0], height=size[1])
+    bounds = bounds_in(canvas, np.array([first, second]), NAMES, maximised)
+    (low, high), (bottom, top) = map(corners, bounds)
+    assert (np.minimum(high, top) - np.maximum(low, bottom)).min() <= 0  # neither words cover the others
+    for bound, (least, most) in zip(bounds, map(corners, bounds), strict=True):
+        assert (least >= 0).all()
+        assert (most <= size).all()
+        for axis, line in enumerate(bounds if size[0] == 500.0 else ()):  # a narrow panel has no room off the lines
+            assert not least[axis] < line.ends[0, axis] < most[axis], (bound.words, line.words)

@@ -18,7 +18,7 @@ import pytest
 import paretoik as pk
 from paretoik.front.front import Front
 from paretoik.review.report import Report
-from tests.review.pictures.test_certificate_plots import certified
+from tests.review.pictures.test_certificates import certified
 
 CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
 pytestmark = [

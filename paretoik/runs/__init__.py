@@ -1,0 +1,1 @@
+"""Runs on disk and who computes them: folders, journal, fingerprint, workers, cluster, signals. Knows no robot."""

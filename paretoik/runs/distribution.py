@@ -1,0 +1,239 @@
+"""Where pure functions of many items are computed: in this process, or by an executor that sends them to workers.
+
+``execution`` has the executors; a verb sets one while it runs, as it sets the journal. What is computed does not depend
+on who computes it: an item's result follows from the function, the shared object and the item alone, results are put
+where their items stand, and what is remembered is remembered here.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+from collections.abc import Iterator
+from collections.abc import Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+from typing import Protocol
+from typing import TypeAlias
+from typing import runtime_checkable
+from paretoik.runs.journal import Values
+from paretoik.runs.journal import recalled
+from paretoik.runs.journal import remembered
+from paretoik.errors import warn_user
+import sys
+from functools import cache
+from types import ModuleType
+import cloudpickle
+from paretoik.errors import InvalidInput
+from paretoik.runs.user_code import is_library_module
+from paretoik.inputs import cause_of
+
+# What goes to workers, as bytes: objects of libraries by name, what users wrote by its content.
+
+
+def pickled(what: str, value: Any) -> bytes:
+    """Return a value as bytes that a process elsewhere can load, which need not have the user's files.
+
+    Raises InvalidInput, naming ``what`` it is, where it cannot be sent.
+    """
+    try:
+        with _users_modules_by_value():
+            return bytes(cloudpickle.dumps(value))
+    except Exception as error:  # what users wrote may raise anything
+        text = f"workers: {what} that can be sent to another process wanted, got {cause_of(error)}"
+        raise InvalidInput(text) from error
+
+
+@contextmanager
+def _users_modules_by_value() -> Iterator[None]:
+    before = cloudpickle.list_registry_pickle_by_value()
+    added = [module for module in _users_modules() if module.__name__ not in before]
+    for module in added:
+        cloudpickle.register_pickle_by_value(module)
+    try:
+        yield
+    finally:
+        for module in added:
+            cloudpickle.unregister_pickle_by_value(module)
+
+
+def _users_modules() -> list[ModuleType]:
+    """Return the modules that are no library's."""
+    return [module for name, module in sys.modules.copy().items() if _is_users_module(name)]
+
+
+@cache
+def _is_users_module(name: str) -> bool:
+    """Return whether the module of a name is a user's, as it was the first time."""
+    module = sys.modules[name]
+    is_named = isinstance(module, ModuleType) and getattr(module, "__name__", None) == name
+    return is_named and not is_library_module(module)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DistributionOptions:
+    """After so many seconds (``trial``) of waiting for workers it is known whether they pay."""
+
+    trial: float = 5.0
+
+
+OPTIONS = DistributionOptions()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Done:
+    """The value that a function returned, and the seconds that it took where it ran."""
+
+    value: Any
+    seconds: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Raised:
+    """The error that a function raised."""
+
+    error: Exception
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lost:
+    """An item without a result: every worker that tried it ended, or it took too long; ``cause`` says which."""
+
+    cause: str
+
+
+Reply: TypeAlias = Done | Raised | Lost
+Function: TypeAlias = Callable[[Any, Any], Any]
+"""Takes the shared object and an item; a function of a module, which depends on nothing else."""
+
+
+@runtime_checkable
+class Executor(Protocol):
+    """Computes a function of many items in workers, which have the shared object once."""
+
+    @property
+    def workers(self) -> int:
+        """Number of items that are computed at a time."""
+
+    def replies(
+        self, function: Function, shared: Any, items: Sequence[Any], *, seconds: float | None
+    ) -> Iterator[tuple[int, Reply]]:
+        """Yield the place of every item with its reply, as they come; one that takes more ``seconds`` is lost.
+
+        Raises Interrupted soon after a signal, SolverFailed where there is nobody left to compute.
+        """
+
+    def description(self) -> dict[str, Any]:
+        """Return who computes, ``by``, and how many or which have computed until now, as strict JSON."""
+
+
+@dataclass(kw_only=True, eq=False)
+class _Account:
+    """Seconds that were waited for workers, and that these computed: where the second is less, they do not pay."""
+
+    executor: Executor
+    waited: float = 0.0
+    computed: float = 0.0
+    items: int = 0
+    starting: bool = True  # workers, until the first reply, which takes longer than others
+    warned: bool = False
+
+
+_ACTIVE: list[_Account] = []  # at most one, like the journal
+_IN_WORKER = [False]
+
+
+@contextmanager
+def distributing(active: Executor | None) -> Iterator[None]:
+    """Let an executor compute what the body distributes; None, or within another one's body, changes nothing."""
+    if active is None or _ACTIVE:
+        yield
+        return
+    _ACTIVE.append(_Account(executor=active))
+    try:
+        yield
+    finally:
+        _ACTIVE.pop()
+
+
+def workers() -> int:
+    """Return the number of items that workers compute at a time, 0 where there are none."""
+    return _ACTIVE[0].executor.workers if _ACTIVE else 0
+
+
+def executor() -> Executor | None:
+    """Return whoever computes what is distributed, None where this process does."""
+    return _ACTIVE[0].executor if _ACTIVE else None
+
+
+def threads() -> int:
+    """Return how many threads compiled code may take here: one a core, but one in a worker."""
+    return 1 if _IN_WORKER[0] else os.cpu_count() or 1
+
+
+def become_worker() -> None:
+    """Let this process be a worker: its cores are shared with others."""
+    _IN_WORKER[0] = True
+
+
+def distribute(
+    function: Function, shared: Any, items: Sequence[Any], *, seconds: float | None = None
+) -> Iterator[tuple[int, Any | Lost]]:
+    """Yield the place of every item with what workers return for it, as it comes; or that it is lost.
+
+    Where the function raises, the rest is computed first, then the error of the first such item is raised. Raises as
+    the executor does.
+    """
+    account, errors = _ACTIVE[0], dict[int, Exception]()
+    begin = None if account.starting else time.monotonic()
+    for place, reply in account.executor.replies(function, shared, items, seconds=seconds):
+        if begin is not None:
+            account.waited += time.monotonic() - begin
+        if isinstance(reply, Raised):
+            errors[place] = reply.error
+        elif isinstance(reply, Lost):
+            yield place, reply
+        else:
+            account.computed += reply.seconds if begin is not None else 0.0
+            account.items += begin is not None
+            yield place, reply.value
+        account.starting, begin = False, time.monotonic()
+    _tell_whether_workers_pay(account)
+    if errors:
+        raise errors[min(errors)]
+
+
+def distribute_remembered(
+    function: Function, shared: Any, items: Sequence[Any], keys: Sequence[bytes | None]
+) -> Iterator[tuple[int, Values | Lost]]:
+    """Yield as ``distribute`` does, plain arrays by name, from the run's journal where it has them under their keys."""
+    remaining = list[int]()
+    for place, key in enumerate(keys):
+        stored = None if key is None else recalled(key)
+        if stored is None:
+            remaining.append(place)
+        else:
+            yield place, stored
+    for i, values in distribute(function, shared, [items[place] for place in remaining]):
+        place = remaining[i]
+        yield place, values if isinstance(values, Lost) else remembered(keys[place], partial(_itself, values))
+
+
+def _itself(values: Values) -> Values:
+    return values
+
+
+def _tell_whether_workers_pay(account: _Account) -> None:
+    if account.warned or account.waited < OPTIONS.trial:
+        return
+    account.warned = True
+    if account.computed < account.waited:
+        each = account.computed / max(account.items, 1)
+        text = (
+            f"workers: they do not pay here, a task takes {1000 * each:.2g} ms to compute and "
+            f"{1000 * account.waited / max(account.items, 1):.2g} ms with them; the run is faster without"
+        )
+        warn_user(text)

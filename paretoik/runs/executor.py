@@ -1,0 +1,114 @@
+"""Who computes what a verb distributes: this process, workers on this machine, or those of a cluster."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import closing
+from contextlib import contextmanager
+from paretoik.runs.distribution import distributing
+from paretoik.errors import InvalidInput
+from paretoik.runs.processes import WorkerProcesses
+from paretoik.inputs import check_size
+from paretoik.inputs import shown
+from collections.abc import Mapping
+from collections.abc import Sequence
+from typing import Any
+from paretoik.runs.distribution import executor
+from paretoik.runs.machine import processor
+
+# Who computed a run: the entry ``computed`` of its `run.json`, and what it says in words.
+
+
+SAME, TOLERANCE, UNKNOWN = "bit for bit", "to tolerance", "unknown"  # how a run can be reproduced in one process
+
+
+def computed(former: object = None) -> dict[str, Any]:
+    """Return who has computed until now, behind those that a ``former`` entry of a run that goes on names.
+
+    ``by`` has an entry for each that differs from the one before: this process, workers on this machine, or a Dask
+    cluster with its ``machines`` and workers by make of processor. ``reproducible`` says how one process comes to the
+    same: "bit for bit" where all have one make, else "to tolerance", and "unknown" while a cluster has computed nothing
+    or where nobody is known.
+    """
+    active = executor()
+    entry = {"by": "this process"} if active is None else active.description()
+    entry["processor"] = " ".join(processor())
+    before = _entries(former)
+    entries = before if before[-1:] == [entry] else [*before, entry]
+    return {"reproducible": _reproducible(entries), "by": entries}
+
+
+def computed_text(entry: object) -> str:
+    """Return who computed a run, as an entry says, in a line of words; "" where it says nothing that can be read."""
+    entries = _entries(entry)
+    if not entries:
+        return ""
+    return f"{', then '.join(_words(each) for each in entries)}; {REPRODUCIBLE[_reproducible(entries)]}"
+
+
+REPRODUCIBLE = {
+    SAME: "one process comes to the same bit for bit",
+    TOLERANCE: "processors of different makes, so one process comes to the same to tolerance",
+    UNKNOWN: "on which makes of processor is unknown",
+}
+
+
+def _entries(computed_by: object) -> list[dict[str, Any]]:
+    """Return the entries of those who computed, none where they are not what is written here."""
+    listed = computed_by.get("by") if isinstance(computed_by, Mapping) else None
+    entries = list(listed) if isinstance(listed, list | tuple) else []
+    sound = all(isinstance(each, Mapping) and isinstance(each.get("machines", []), list | tuple) for each in entries)
+    makes = [make for each in entries for make in each.get("machines", ())] if sound else [None]
+    return [dict(each) for each in entries] if all(isinstance(make, Mapping) for make in makes) else []
+
+
+def _reproducible(entries: Sequence[Mapping[str, Any]]) -> str:
+    if any(each.get("machines") == [] for each in entries):
+        return UNKNOWN
+    makes = {str(make.get("processor")) for each in entries for make in (each, *each.get("machines", ()))}
+    return SAME if len(makes) == 1 else TOLERANCE
+
+
+def _words(entry: Mapping[str, Any]) -> str:
+    text = str(entry.get("by"))
+    if "workers" in entry:
+        text += f" ({entry['workers']})"
+    if "machines" in entry:
+        parts = [
+            f"{make.get('workers')} workers on {make.get('machines')} machines, {make.get('processor')}"
+            for make in entry["machines"]
+        ]
+        text += f" ({'; '.join(parts) or 'no worker yet'})"
+    return text
+
+
+def check_workers(workers: int | None, cluster: str | None) -> None:
+    """Raise InvalidInput for what is no number of workers or no address, and for both."""
+    if workers is not None:
+        check_size("workers", workers, 1)
+    if cluster is None:
+        return
+    if workers is not None:
+        raise InvalidInput(f"workers: wants none beside cluster, which has its own, got {workers}")
+    if not isinstance(cluster, str) or "://" not in cluster:
+        raise InvalidInput(f"cluster: the address of a Dask scheduler wanted, as tcp://HOST:PORT, got {shown(cluster)}")
+
+
+@contextmanager
+def open_executor(workers: int | None, cluster: str | None, *, isolated: bool = False) -> Iterator[None]:
+    """Let so many workers, or those of a cluster, compute what the body distributes; without either this process does.
+
+    ``isolated`` asks for one worker where none are named: it can be ended where this process could not. Raises
+    InvalidInput as ``check_workers`` does, and where there is no such cluster.
+    """
+    check_workers(workers, cluster)
+    if cluster is not None:
+        from paretoik.runs.cluster import Cluster  # here: it takes Dask
+
+        with closing(Cluster(cluster)) as remote, distributing(remote):
+            yield
+    elif workers is not None or isolated:
+        with closing(WorkerProcesses(workers or 1)) as processes, distributing(processes):
+            yield
+    else:
+        yield

@@ -1,0 +1,266 @@
+"""The folder that a run writes into: who may write there, and which of its files a new run replaces."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+from collections.abc import Iterator
+from contextlib import AbstractContextManager
+from contextlib import contextmanager
+from pathlib import Path
+from typing import BinaryIO
+from paretoik.errors import InvalidInput
+from paretoik.runs.file_replacement import SAVED
+from paretoik.runs.file_replacement import only_writer
+from paretoik.runs.file_replacement import refusal
+from paretoik.runs.files import FORMER
+from paretoik.runs.files import RUN
+from paretoik.runs.files import has_result
+from paretoik.runs.files import is_run
+from paretoik.runs.files import was_cut_off
+from paretoik.errors import warn_user
+from fnmatch import fnmatchcase
+from paretoik.runs.file_replacement import OpenFolder
+from paretoik.runs.file_replacement import is_plain_folder
+from paretoik.runs.file_replacement import move_files
+from paretoik.runs.file_replacement import plain_folder
+from paretoik.runs.file_replacement import remove
+from paretoik.runs.files import CONTENTS
+from paretoik.runs.files import can_resume
+import errno
+from contextlib import suppress
+from dataclasses import dataclass
+
+# The run that a new one replaces: set aside, and put back unless the new one comes to a result.
+#
+# Its files move into `.former-run`, a folder within the run's own. While they move, either way, that is called
+# `.former-run.part`, and whatever is in it belongs back. So at every moment, should the process be killed, the next
+# one knows which of both runs is whole. Whoever calls these functions holds the folder's lock. All of it goes by
+# descriptors of folders: a link that takes the place of one meanwhile is not followed.
+
+
+PART = f"{FORMER}.part"
+
+
+def set_aside(folder: OpenFolder) -> None:
+    """Move the run in a folder into `.former-run` within it; one without a result, and nothing to go on, is removed."""
+    if has_result(folder.path) or can_resume(folder.path):
+        place = folder.descriptor
+        os.mkdir(PART, dir_fd=place)
+        with plain_folder(PART, within=place) as part:
+            move_files(reversed(CONTENTS), place, part)  # run.json last: a folder without is no run
+        os.rename(PART, FORMER, src_dir_fd=place, dst_dir_fd=place)
+    remove_run(folder)  # what a killed writer left half written
+
+
+def settle(folder: OpenFolder) -> bool:
+    """Remove the run that was set aside where the new one has a result, else put it back; say whether that was done."""
+    place = folder.descriptor
+    if is_plain_folder(FORMER, place):
+        if has_result(folder.path):
+            remove(FORMER, place)
+            return False
+        remove_run(folder)
+        os.rename(FORMER, PART, src_dir_fd=place, dst_dir_fd=place)
+    if not is_plain_folder(PART, place):
+        return False
+    with plain_folder(PART, within=place) as part:
+        move_files(CONTENTS, part, place)
+    os.rmdir(PART, dir_fd=place)
+    return True
+
+
+def remove_run(folder: OpenFolder) -> None:
+    """Remove the files of a run from its folder, and nothing else."""
+    with os.scandir(folder.descriptor) as listing:
+        entries = [each.name for each in listing]
+    for name in (*reversed(CONTENTS), SAVED):
+        for entry in (name, *(each for each in entries if fnmatchcase(each, f".{name.lstrip('.')}.*"))):
+            remove(entry, folder.descriptor)
+
+
+# Room on the disk for a run's result, held by a file until the result is written: nothing else can fill it.
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpaceOptions:
+    """How many ``bytes`` are held: 200 motions of 7 joints at 501 samples take 6 MB."""
+
+    bytes: int = 8 * 2**20
+
+
+OPTIONS = SpaceOptions()
+
+
+class ReservedSpace:
+    """Room that a ``file`` holds, which is taken at once.
+
+    Raises InvalidInput where the disk has less. Where a file system or a limit on the size of files does not allow such
+    a file, nothing is held.
+    """
+
+    def __init__(self, file: Path) -> None:
+        self._file = file
+        try:
+            self.take()
+        except OSError as fault:
+            self.release()
+            if fault.errno in (errno.ENOSPC, errno.EDQUOT):
+                with suppress(OSError):  # that of a run that goes on has more in it
+                    file.parent.rmdir()
+                wish = f"{OPTIONS.bytes / 2**20:g} MB of free disk wanted, so that its result has room"
+                raise InvalidInput(f"{file.parent.parent}: {wish}, got {_free(file.parent.parent)}") from None
+
+    def take(self) -> None:
+        """Hold the room; raises OSError where there is none."""
+        self._file.parent.mkdir(exist_ok=True)
+        with plain_folder(self._file.parent) as folder:
+            flags = os.O_CREAT | os.O_RDWR | os.O_NOFOLLOW
+            descriptor = os.open(self._file.name, flags, 0o600, dir_fd=folder)
+        try:
+            os.posix_fallocate(descriptor, 0, OPTIONS.bytes)
+        finally:
+            os.close(descriptor)
+
+    def release(self) -> None:
+        """Leave the room to what it was held for."""
+        with suppress(OSError), plain_folder(self._file.parent) as folder:
+            os.unlink(self._file.name, dir_fd=folder)
+
+
+def _free(folder: Path) -> str:
+    disk = os.statvfs(folder)
+    return f"{disk.f_bavail * disk.f_frsize / 2**20:.2g} MB"
+
+
+LOCK = ".lock"
+
+
+@contextmanager
+def claim_folder(folder: Path | str, *, overwrite: bool = False) -> Iterator[Path]:
+    """Make `folder` if need be and lock it against every other writer while the body runs.
+
+    A folder that holds a run with a result, or one to resume, is accepted with `overwrite` only. The files of a run
+    there, and nothing else, are removed once the body ends, however it ends, with the result of a new run there;
+    without one they are as they were. If the process is killed meanwhile, the next one that claims or locks the folder
+    puts them back. The lock is the kernel's: it ends with the process (and those forked from it), however that ends.
+
+    Raises
+    ------
+    InvalidInput
+        The folder cannot be made, holds something that is no run, holds a run with a result or one to resume while
+        `overwrite` is false, or another process is writing into it.
+    """
+    place = Path(folder)
+    with _refusal(place):
+        if not (place / LOCK).exists():  # nobody is at work there: it is refused before anything is written
+            _check_replaceable(place, overwrite=overwrite)
+        place.mkdir(parents=True, exist_ok=True)
+    with lock_folder(place):
+        _check_replaceable(place, overwrite=overwrite)
+        try:
+            with _refusal(place), only_writer(place) as opened:
+                set_aside(opened)
+            yield place
+        finally:
+            with _refusal(place), only_writer(place) as opened:
+                settle(opened)
+
+
+def _check_replaceable(place: Path, *, overwrite: bool) -> None:
+    """Raise InvalidInput for a run with a result, or one that can be resumed, without permission to overwrite it."""
+    if not overwrite and (has_result(place) or was_cut_off(place)):
+        raise InvalidInput(
+            f"{place}: wanted a new folder or permission to overwrite (--overwrite), got one that holds a run"
+        )
+
+
+@contextmanager
+def lock_folder(place: Path) -> Iterator[Path]:
+    """Lock a folder that is empty or holds a run against every other writer while the body runs.
+
+    Warns where it puts back a run that a killed process was to replace. Raises InvalidInput where the folder cannot be
+    locked, or another process is writing into it.
+    """
+    with _locked(place):
+        with _refusal(place), only_writer(place) as opened:
+            restored = settle(opened)
+        if restored:
+            text = f"{place}: the process that was to replace its run ended without a result; that run is back"
+            warn_user(text)
+        yield place
+
+
+@contextmanager
+def reclaim_folder(place: Path) -> Iterator[Path]:
+    """Lock the folder of a run that goes on, with all that is there, against every other writer while the body runs.
+
+    A run that it is to replace is removed once the body ends with a result, and else waits on. Raises InvalidInput
+    where the folder cannot be locked, or another process is writing into it.
+    """
+    with _locked(place):
+        try:
+            yield place
+        finally:
+            with _refusal(place), only_writer(place) as opened:
+                if has_result(place):
+                    settle(opened)
+
+
+@contextmanager
+def _locked(place: Path) -> Iterator[None]:
+    """Hold the lock of a folder that is empty or a run's, which ends with the process; raises InvalidInput."""
+    with _refusal(place):
+        foreign = _foreign_entry(place)
+        if foreign is not None:
+            raise InvalidInput(f"{place}: wanted a new folder, an empty one or a run, got one that holds {foreign}")
+        lock = _open_lock(place)
+    with lock:
+        _lock(lock, place)
+        yield
+
+
+def _refusal(place: Path) -> AbstractContextManager[None]:
+    return refusal(f"{place}: wanted a folder to write a run into")
+
+
+def check_no_run(folder: Path) -> None:
+    """Raise InvalidInput where a process runs in a folder, holding its lock."""
+    if os.path.lexists(folder / LOCK):
+        with _refusal(folder):
+            lock = _open_lock(folder)
+        with lock:
+            _lock(lock, folder)
+
+
+def check_other_folder(name: str, folder: Path, *sources: Path | None) -> None:
+    """Raise InvalidInput, by ``name``, where a folder is that of a run that what goes into it comes from."""
+    if any(source is not None and source.resolve() == folder.resolve() for source in sources):
+        raise InvalidInput(f"{name}: wants another folder than that of the run that it comes from, got {folder}")
+
+
+def _foreign_entry(place: Path) -> str | None:
+    """Return the name of an entry that makes `place` a folder that is not ours, None where it is empty or a run."""
+    names = sorted(entry.name for entry in place.iterdir())
+    others = [name for name in names if not name.startswith((LOCK, f".{RUN}.", FORMER, SAVED))]
+    ours = any(is_run(folder / RUN) for folder in (place, place / FORMER, place / PART))
+    return None if not others or ours else others[0]
+
+
+def _open_lock(place: Path) -> BinaryIO:
+    """Open the file that is locked; a link in its place is not followed: its target would be emptied."""
+    return os.fdopen(os.open(place / LOCK, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666), "r+b")
+
+
+def _lock(lock: BinaryIO, place: Path) -> None:
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as fault:
+        lock.seek(0)
+        writer = lock.read(20).decode(errors="replace").strip() or "unknown"
+        raise InvalidInput(f"{place}: wanted to be its only writer, got process {writer} at work there") from fault
+    except OSError as fault:
+        raise InvalidInput(f"{place}: wanted to lock it against a second writer, got {fault.strerror}") from fault
+    lock.truncate(0)
+    lock.write(str(os.getpid()).encode())
+    lock.flush()

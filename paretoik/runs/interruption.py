@@ -1,0 +1,296 @@
+"""Signals that stop a run from outside, so that it can end in order and keep its result."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextlib import suppress
+from types import FrameType
+from paretoik import stop_flag
+from paretoik.stop_flag import STOP
+from collections.abc import Callable
+from dataclasses import dataclass
+from dataclasses import field
+from itertools import count
+from math import inf
+from signal import SIGALRM
+from paretoik.compilation_notices import computing_clock
+from paretoik.errors import EvaluationFailed
+from paretoik.errors import InvalidInput
+from paretoik.inputs import positive_number
+from paretoik.stop_flag import Interrupted
+from paretoik.inputs import CALLS
+from paretoik.inputs import CallLimit
+from paretoik.inputs import limited_calls
+
+# How long a verb will still take, once its present stage has come far enough to tell.
+
+
+@dataclass(frozen=True, kw_only=True)
+class TimeLeftOptions:
+    """Settings of estimates of the time left.
+
+    share: share of a stage that is done before an estimate
+    seconds: seconds of a stage before an estimate
+    """
+
+    share: float = 0.1
+    seconds: float = 0.5
+
+
+OPTIONS = TimeLeftOptions()
+
+
+def time_left(done: float, left: float, seconds: float, later: float = 0.0) -> float | None:
+    """Return about how many seconds are left: of the stage, whose work ``done`` took ``seconds``, and ``later``.
+
+    It is None if too little is done to tell.
+    """
+    if done <= 0 or done < OPTIONS.share * (done + left) or seconds < OPTIONS.seconds:
+        return None
+    return seconds / done * left + later
+
+
+# A limit on the time that a verb computes: past it, it is asked to stop as by a signal. Compiling is not counted.
+
+
+@dataclass(kw_only=True, eq=False)
+class TimeLimit:
+    """A limit of so many ``seconds``, and whether it was reached."""
+
+    seconds: float | None
+    reached: bool = False
+    started: float = field(default_factory=computing_clock)
+    late: str = ""  # name of the user's function whose call was ended
+
+    @property
+    def remaining(self) -> float:
+        """Seconds left; infinite without a limit."""
+        return inf if self.seconds is None else self.seconds - (computing_clock() - self.started)
+
+    @contextmanager
+    def limiting_calls(self, end: Callable[[], object] = bool) -> Iterator[None]:
+        """End calls of users' functions in the body past the limit: they raise Interrupted, after ``end()``."""
+        if self.seconds is None:
+            yield
+            return
+
+        def left(lasted: float, loads: bool) -> float:
+            return max(self.remaining, (CALLS.loading if loads else CALLS.grace) - lasted)
+
+        def failure(name: str) -> Interrupted:
+            self.reached, self.late = True, name
+            end()
+            return Interrupted(reason=f"{name} took longer than that")
+
+        with limited_calls(CallLimit(left=left, failure=failure, ends_verb=True)):
+            yield
+
+
+_TIME_LIMIT: list[TimeLimit] = []  # those under way, one within another
+
+
+def check_time_limit(seconds: float | None) -> None:
+    """Raise InvalidInput unless that is None or a positive number, and outside the main thread for a number.
+
+    The flag that asks a verb to stop is the process's.
+    """
+    if seconds is None:
+        return
+    positive_number("time_limit", seconds, "s")
+    if threading.current_thread() is not threading.main_thread():
+        raise InvalidInput("time_limit: wants the main thread, as signals do, got another one")
+
+
+@contextmanager
+def time_limit(seconds: float | None) -> Iterator[TimeLimit]:
+    """Ask what the body runs to stop after so many seconds; None sets no limit. Raises as ``check_time_limit``."""
+    check_time_limit(seconds)
+    limit = TimeLimit(seconds=seconds)
+    if seconds is None:
+        yield limit
+        return
+
+    ended = threading.Event()
+
+    def stop() -> None:
+        limit.reached = True
+        STOP[0] = STOP[0] or SIGALRM
+
+    def watch() -> None:
+        while (remaining := limit.remaining) > 0:
+            if ended.wait(min(remaining, threading.TIMEOUT_MAX)):
+                return
+        stop()
+
+    watcher = threading.Thread(target=watch, daemon=True)
+    watcher.start()
+    _TIME_LIMIT.append(limit)
+    try:
+        with limit.limiting_calls(stop):
+            yield limit
+    finally:
+        _TIME_LIMIT.pop()
+        ended.set()
+        watcher.join()
+        if STOP[0] == SIGALRM:
+            STOP[0] = 0
+        if any(outer.remaining <= 0 for outer in _TIME_LIMIT):  # meanwhile
+            STOP[0] = STOP[0] or SIGALRM
+
+
+def time_is_up() -> bool:
+    """Return whether a signal came, or a time limit under way has no time left but what is reserved for later."""
+    return bool(STOP[0]) or any(limit.reached for limit in _TIME_LIMIT)
+
+
+@contextmanager
+def limited_evaluations(seconds: float | None, *, allowed: float = inf) -> Iterator[None]:
+    """End each call of a user's function in the body after this time with EvaluationFailed; None sets no limit.
+
+    The call after ``allowed`` ones that were ended raises Interrupted, with the reason.
+    """
+    if seconds is None:
+        yield
+        return
+    positive_number("evaluation_timeout", seconds, "s")
+
+    def left(lasted: float, loads: bool) -> float:
+        return inf if loads else seconds - lasted
+
+    ended = count(1)
+
+    def failure(name: str) -> EvaluationFailed | Interrupted:
+        reason = f"{name} took longer than the evaluation timeout of {seconds:g} s"
+        return EvaluationFailed(reason) if next(ended) <= allowed else Interrupted(reason=reason)
+
+    with limited_calls(CallLimit(left=left, failure=failure, ends_verb=False)):
+        yield
+
+
+@contextmanager
+def reserve_time(share: float, longest: float) -> Iterator[None]:
+    """Ask what the body runs to stop before the time limit under way, so that some of it is left for what follows.
+
+    Left is a ``share`` of the limit, at most ``longest`` [s]. The limit then counts as reached. Without one the body
+    runs freely.
+    """
+    if not _TIME_LIMIT or _TIME_LIMIT[-1].remaining <= 0:
+        yield
+        return
+    outer = _TIME_LIMIT[-1]
+    assert outer.seconds is not None
+    remaining = outer.remaining - min(share * outer.seconds, longest)
+    inner = TimeLimit(seconds=None)
+    try:
+        with time_limit(max(remaining, 1e-3)) as inner:
+            yield
+    finally:
+        outer.reached, outer.late = outer.reached or inner.reached, outer.late or inner.late
+
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+class Interruption:
+    """The signal that asked a run to stop, if any; true once there was one."""
+
+    def __init__(self) -> None:
+        self.signal: signal.Signals | None = None
+
+    def __bool__(self) -> bool:
+        return self.signal is not None
+
+    @property
+    def exit_code(self) -> int:
+        """130 after Ctrl-C, 143 after a termination, 0 without a signal."""
+        return 0 if self.signal is None else 128 + self.signal
+
+
+_ACTIVE: list[Interruption] = []  # at most one: signals are the process's
+
+
+@contextmanager
+def _watching() -> Iterator[None]:
+    """Set the stop flag as soon as a signal comes, even while compiled code runs in the main thread.
+
+    Python calls handlers between its own instructions there; the number of a signal it writes into a socket at once.
+    """
+    receiver, sender = socket.socketpair()
+    with receiver, sender:
+        sender.setblocking(False)
+        former = signal.set_wakeup_fd(sender.fileno(), warn_on_full_buffer=False)
+        watcher = threading.Thread(target=_watch, args=(receiver, former), daemon=True)
+        watcher.start()
+        stop_flag.watched = True
+        try:
+            yield
+        finally:
+            stop_flag.watched = False
+            signal.set_wakeup_fd(former)
+            sender.setblocking(True)
+            sender.send(b"\0")
+            watcher.join()
+
+
+def _watch(receiver: socket.socket, former: int) -> None:
+    """Set the stop flag to the first signal that a socket brings, until it brings 0; pass all on to a former one."""
+    while number := receiver.recv(1)[0]:
+        if number in SIGNALS and not STOP[0]:
+            STOP[0] = number
+        if former >= 0:
+            with suppress(OSError):
+                os.write(former, bytes([number]))
+
+
+def _leave_to_parent() -> None:
+    """Keep a forked process from writing its signals into its parent's socket."""
+    if stop_flag.watched:
+        stop_flag.watched = False
+        signal.set_wakeup_fd(-1)
+
+
+os.register_at_fork(after_in_child=_leave_to_parent)
+
+
+@contextmanager
+def interruptible() -> Iterator[Interruption]:
+    """Record the first SIGINT or SIGTERM instead of ending the process; restore the former handlers at the end.
+
+    What runs meanwhile learns of it from ``stop_flag``. With the first signal the former handlers return at once, so
+    a second Ctrl-C raises KeyboardInterrupt. Within another one it is the same. Outside the main thread, where Python
+    allows no handlers, nothing is caught.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield Interruption()
+        return
+    if _ACTIVE:
+        yield _ACTIVE[-1]
+        return
+    interruption = Interruption()
+
+    def record(number: int, frame: FrameType | None) -> None:
+        interruption.signal = signal.Signals(number)
+        STOP[0] = number
+        restore()
+
+    def restore() -> None:
+        for which, handler in former.items():
+            # None stands for a handler that was not set from Python and cannot be set back from it.
+            signal.signal(which, signal.SIG_DFL if handler is None else handler)
+
+    former = {which: signal.getsignal(which) for which in SIGNALS}
+    _ACTIVE.append(interruption)
+    try:
+        for which in SIGNALS:
+            signal.signal(which, record)
+        with _watching():
+            yield interruption
+    finally:
+        restore()
+        _ACTIVE.pop()
+        STOP[0] = 0

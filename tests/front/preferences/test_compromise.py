@@ -1,0 +1,92 @@
+""""""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from paretoik.errors import Infeasible
+from paretoik.front.front import Front
+from paretoik.front.preferences.compromise import COMPROMISE_IN_WORDS, best_rows, compromise, marked_rows, score_shares
+from tests.front.random_fronts import random_front
+
+
+def hollow() -> Front:
+    """A quarter circle bulging away from the best of everything: equal weights reach its ends alone."""
+    angles = np.linspace(0.0, np.pi / 2, 21)
+    return Front(
+        ids=np.arange(21),
+        objectives=np.stack([np.sin(angles), np.cos(angles)], axis=1),
+        names=["a", "b"],
+        units=["", ""],
+        maximised=[False] * 2,
+    )
+
+
+@given(st.integers(0, 10**6))
+def test_no_point_has_a_smaller_largest_share(seed):
+    front = random_front(seed)
+    worst = front.shares.max(axis=1)
+    assert worst[compromise(front).index] <= worst.min() + 1e-4 * len(front.names)
+
+
+def test_it_exists_in_the_middle_of_a_hollow_front_too():
+    assert compromise(hollow()).index == 10
+
+
+def test_naming_an_objective_twice_does_not_move_it():
+    front = random_front(4, n_obj=2)
+    twice = Front(
+        ids=front.ids,
+        objectives=front.objectives[:, [0, 1, 1]],
+        names=["a", "b", "c"],
+        units=[""] * 3,
+        maximised=[front.maximised[i] for i in (0, 1, 1)],
+    )
+    assert compromise(twice).id == compromise(front).id
+
+
+def test_of_one_objective_it_is_the_best_point():
+    front = Front(ids=np.array([4]), objectives=np.ones((1, 1)), names=["a"], units=[""], maximised=[False])
+    assert compromise(front).id == 4
+
+
+def test_an_empty_front_has_none():
+    front = Front(ids=np.empty(0, int), objectives=np.empty((0, 1)), names=["a"], units=[""], maximised=[False])
+    with pytest.raises(Infeasible, match="compromise: wanted a front of at least one point"):
+        compromise(front)
+
+
+def test_its_reason_says_what_a_compromise_is():
+    choice = compromise(hollow())
+    assert COMPROMISE_IN_WORDS in choice.reason
+    assert "70.7%" in choice.reason
+
+
+# The points that are marked: by brute force, and no more work than looking at every value a few times.
+
+
+SMALL = st.integers(0, 3).map(float)  # so that many are equal
+FRONTS = st.tuples(st.integers(1, 9), st.integers(1, 4)).flatmap(lambda shape: arrays(float, shape, elements=SMALL))
+
+
+@given(F=FRONTS, data=st.data())
+def test_the_best_of_an_objective_is_the_first_by_value_and_then_by_id(F, data):
+    ids = np.array(data.draw(st.permutations(range(7, 7 + len(F)))))
+    expected = [min(range(len(F)), key=lambda row: (F[row, axis], ids[row])) for axis in range(F.shape[1])]
+    assert best_rows(F, ids) == expected
+
+
+@given(F=FRONTS, data=st.data())
+def test_marked_are_the_best_of_every_objective_and_the_compromise_on_their_own_ranges(F, data):
+    ids = np.array(data.draw(st.permutations(range(7, 7 + len(F)))))
+    *best, (compromise, axis) = marked_rows(F, ids)
+    assert axis is None
+    assert best == ([(row, axis) for axis, row in enumerate(best_rows(F, ids))] if F.shape[1] > 1 else [])
+    width = np.ptp(F, axis=0)
+    shares = np.divide(F - F.min(axis=0), width, out=np.zeros_like(F), where=width > 0)
+    scores = score_shares(shares)
+    assert compromise == min(range(len(F)), key=lambda row: (scores[row], ids[row]))

@@ -1,0 +1,243 @@
+"""The recording of a run shows what was chosen, and survives whatever happens to it or its folder."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from itertools import chain
+
+import numpy as np
+import pyarrow
+import pytest
+import rerun as rr
+
+import paretoik as pk
+from paretoik.review.drawing.choice_layer import ROOTS, read_recorded
+from paretoik.review.recording.viewer import private_environment
+from paretoik.runs.files import RECORDING, RUN, read_run
+from paretoik.runs.folder import lock_folder
+from paretoik.task.limits import JOINT_UNITS
+from tests.review.disks import small_disk
+from tests.review.reading import blank_views, first_instants, read, static_values, views
+from tests.review.view_sizes import layout_parts, tabs_of_charts, touching_words
+
+
+def problem() -> pk.Tracking:
+    path = pk.line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=11)
+    limits = pk.Limits(position=np.deg2rad([90, 120, 120]))
+    return pk.Tracking(pk.arms.tringali_3r(), path, objectives=[pk.kinetic_energy, pk.torque_norm], limits=limits)
+
+
+@pytest.fixture(scope="module")
+def searched(tmp_path_factory):
+    """The run of a short search, to be read only."""
+    folder = tmp_path_factory.mktemp("runs") / "searched"
+    pk.solve(problem(), population=24, generations=8, seed=1, refine=False, out=folder, observe=False)
+    return folder
+
+
+@pytest.fixture
+def front(searched, tmp_path):
+    """The front of a run of its own."""
+    return pk.load_front(shutil.copytree(searched, tmp_path / "run"), problem())
+
+
+def recording(front):
+    return front.folder / RECORDING
+
+
+def text_of(file):
+    return static_values(read(file)["/choice/text"], "text")[0]
+
+
+def data(file):
+    """Every row of a recording except of what was chosen, by entity."""
+    return {
+        path: sorted(chain.from_iterable(map(rows_of, batches)))
+        for path, batches in read(file).items()
+        if path.split("/")[1] not in ROOTS
+    }
+
+
+def rows_of(batch):
+    """The rows of a batch as words."""
+    for name in [field.name for field in batch.schema if pyarrow.types.is_temporal(field.type)]:  # in nanoseconds
+        batch = batch.set_column(batch.schema.names.index(name), name, batch.column(name).cast("int64"))
+    return map(str, batch.to_pylist())
+
+
+def verify(file):
+    with private_environment() as environment:
+        command = [sys.executable, "-m", "rerun", "rrd", "verify", str(file)]
+        return subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+
+
+def test_a_choice_stands_in_the_recording_which_stays_whole_and_opens_on_it(front):
+    file = recording(front)
+    before, layout, recorded = data(file), views(file), read_recorded(file)
+    choice = front.select("compromise")
+    checked = verify(file)
+    assert checked.returncode == 0, checked.stderr
+    assert text_of(file).startswith(f"# Point {choice.id}, chosen")
+    assert choice.reason.split(".")[0] in text_of(file)
+    assert data(file) == before
+    assert read_recorded(file) == recorded
+    assert views(file) != layout
+    assert {"/choice/text", "/choice/arm"} <= set(views(file).values())
+
+
+def test_a_later_choice_takes_the_place_of_a_former_one_and_nothing_piles_up(front):
+    file = recording(front)
+    ids = [int(id) for id in front.ids]
+    front.select(ids[0])
+    former = read(file)
+    for id in (ids[1], ids[-1], ids[0]):
+        front.select(id)
+        assert text_of(file).startswith(f"# Point {id}, ")
+    again = read(file)
+    assert former.keys() == again.keys()
+    for path in former:  # as many rows, and no motion mixed with another's
+        assert sum(batch.num_rows for batch in former[path]) == sum(batch.num_rows for batch in again[path]), path
+    assert len(rr.chunk.RrdReader(file).blueprints()) == 2
+
+
+def test_going_back_goes_back_in_the_recording_too(front):
+    file = recording(front)
+    before, layout = data(file), views(file)
+    first, second = (front.select(int(id)) for id in front.ids[:2])
+    assert text_of(file).startswith(f"# Point {second.id}, ")
+    front.undo()
+    assert text_of(file).startswith(f"# Point {first.id}, ")
+    front.undo()
+    assert views(file) == layout
+    assert data(file) == before
+    assert not [path for path in read(file) if path.split("/")[1] in ROOTS]
+    assert verify(file).returncode == 0
+
+
+def test_a_choice_whose_run_has_no_recording_needs_none(front):
+    recording(front).unlink()
+    choice = front.select("compromise")
+    assert front.choices.chosen.point == choice.id
+    assert not recording(front).exists()
+
+
+def damage(file, kind, elsewhere):
+    content = file.read_bytes()
+    if kind == "a link":
+        file.rename(elsewhere)
+        file.symlink_to(elsewhere)
+    elif kind == "a folder":
+        file.unlink()
+        file.mkdir()
+    else:
+        file.write_bytes({"cut": content[: len(content) // 2], "empty": b"", "something else": b"%PDF-1.7" * 99}[kind])
+
+
+@pytest.mark.parametrize("kind", ["cut", "empty", "something else", "a link", "a folder"])
+def test_a_recording_that_is_none_stays_as_it_is_and_the_choice_is_kept(front, tmp_path, kind):
+    file = recording(front)
+    damage(file, kind, tmp_path / "elsewhere.rrd")
+    before = None if kind == "a folder" else file.read_bytes()
+    with pytest.warns(RuntimeWarning, match="the recording stays as it was, the choice is kept: ") as caught:
+        choice = front.select("compromise")
+    assert [str(each.message).count("\n") for each in caught] == [0]
+    assert front.choices.chosen.point == choice.id
+    assert file.is_dir() if before is None else file.read_bytes() == before
+
+
+def test_while_a_process_runs_there_the_recording_is_its_own_and_the_choice_is_kept(front):
+    before = recording(front).read_bytes()
+    with (
+        lock_folder(front.folder),
+        pytest.warns(RuntimeWarning, match="the choice is kept: .*wanted to be its only writer, got process"),
+    ):
+        choice = front.select("compromise")
+    assert front.choices.chosen.point == choice.id
+    assert recording(front).read_bytes() == before
+
+
+def test_on_a_full_disk_the_recording_stays_as_it_was_and_the_choice_is_kept(searched, tmp_path):
+    with small_disk(tmp_path / "disk", "20m") as disk:
+        front = pk.load_front(shutil.copytree(searched, disk / "run"), problem())
+        before = recording(front).read_bytes()
+        rest = shutil.disk_usage(disk).free - len(before) // 2
+        (disk / "other").write_bytes(b"0" * rest)
+        with pytest.warns(RuntimeWarning, match="the choice is kept: .*got No space left on device"):
+            choice = front.select("compromise")
+        assert front.choices.chosen.point == choice.id
+        assert recording(front).read_bytes() == before
+        assert sorted(path.name for path in front.folder.iterdir() if RECORDING in path.name) == [RECORDING]
+
+
+def test_a_process_in_which_rerun_records_nothing_replaces_nothing(front):
+    """RERUN=off lets every stream write nothing."""
+    before, point = recording(front).read_bytes(), int(front.ids[0])
+    script = f"import paretoik as pk; pk.Front.load({str(front.folder)!r}).select({point})"
+    with private_environment() as environment:
+        ended = subprocess.run(
+            [sys.executable, "-c", script],
+            env=environment | {"RERUN": "off"},
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+    assert "the recording stays as it was, the choice is kept" in ended.stderr
+    assert recording(front).read_bytes() == before
+    assert front.choices.chosen.point == point
+
+
+def test_the_result_is_the_same_run_to_everyone_else(front):
+    before = read_run(front.folder / RUN)
+    front.select("compromise")
+    assert read_run(front.folder / RUN) == before
+    assert pk.load_front(front.folder, problem()).objectives.tolist() == front.objectives.tolist()
+
+
+# The views of a recorded run beside a choice: charts as large as they were drawn, with the names that they had.
+
+
+def charts(tabs):
+    roots = ("parallel", "charts", "joint_charts")
+    return {origin: each for origin, each in tabs.items() if origin.split("/")[1] in roots}
+
+
+def test_beside_a_choice_charts_have_the_names_sizes_and_rows_of_tabs_that_they_were_drawn_with(choice_recordings):
+    recording, chosen = map(tabs_of_charts, choice_recordings)
+    assert {f"/joint_charts/{kind}" for kind in JOINT_UNITS} | {"/parallel", "/charts/best_2"} <= charts(chosen).keys()
+    assert charts(chosen) == charts(recording)
+    assert {recording[f"/joint_charts/{kind}"][2] for kind in JOINT_UNITS} == {2}
+
+
+def test_every_chart_beside_a_choice_fills_its_view_and_is_nowhere_cut(choice_recordings):
+    recording, chosen = choice_recordings
+    entities, tabs = read(recording), charts(tabs_of_charts(chosen))
+    for origin, (name, bounds, _) in tabs.items():
+        if origin == "/parallel":
+            continue
+        words = static_values(entities[f"{origin}/labels"], "positions")
+        lowest = max(y for _, y in words)
+        assert bounds["y_range"][1] - 30.0 < lowest < bounds["y_range"][1], name
+    measured = [origin for origin in tabs if origin != "/parallel"]
+    assert not touching_words(chosen, [*measured, "/front", "/choice/front"])
+
+
+def test_beside_a_choice_the_run_has_the_very_views_that_it_was_drawn_with(choice_recordings):
+    """Titles, words to read, and whatever a view of the recorded layout has; none has the name of the choice."""
+    recording, chosen = choice_recordings
+    assert read_recorded(recording) == read_recorded(chosen)
+    alone, with_choice = map(layout_parts, choice_recordings)
+    recorded = {path: part for path, part in alone.items() if path.split("/")[0] in ("container", "view")}
+    assert recorded.items() <= with_choice.items()
+    titles = {part.get("ViewBlueprint:display_name", [""])[0] for part in recorded.values()}
+    assert {"front", "arm", "joint torque", "generation, chosen", "why"} <= titles
+
+
+def test_where_a_run_begins_its_views_beside_a_choice_begin_too(choice_recordings):
+    """A slider reaches as far back as anything was logged: what a choice adds begins with the run, never before."""
+    recording, chosen = choice_recordings
+    begins = {name: each.begin for name, each in read_recorded(recording).timelines.items()}
+    assert begins["generation"] == 1
+    assert first_instants(chosen) == begins
+    assert not blank_views(chosen, {name: (begin,) for name, begin in begins.items()})

@@ -1,0 +1,219 @@
+""""""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import matplotlib
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+from PIL import Image
+
+import paretoik as pk
+from paretoik.errors import InvalidInput
+from paretoik.front.comparison import Comparison
+from paretoik.front.front import Front
+from paretoik.front.preferences import Weights
+from paretoik.front.preferences.compromise import compromise
+from paretoik.review.palette import PAPER
+from paretoik.review.pictures.certificates import certificates_picture
+from paretoik.review.pictures.fronts import (
+    NAMES,
+    NamedPoint,
+    _highlights,
+    _staircase,
+    comparison_picture,
+    front_picture,
+    name_place,
+    name_points,
+    stroboscopic,
+)
+from tests.review.pictures.test_certificates import certified
+
+
+@pytest.mark.parametrize(
+    ("n_obj", "planar", "moving"),
+    [(1, True, False), (2, False, True), (3, True, True), (5, False, False)],
+)
+def test_every_front_gets_a_small_picture_that_shows_something(n_obj, planar, moving, tmp_path, make_front):
+    front = make_front(n_obj, points=60, planar=planar, moving=moving)
+    file = tmp_path / "front.png"
+    front_picture(front, file, front.select(Weights({front.names[0]: 1.0})))
+    assert file.stat().st_size < 150_000
+    with Image.open(file) as picture:
+        pixels = np.asarray(picture.convert("L"))
+    assert min(pixels.shape) > 300
+    assert 0.005 < (pixels < 128).mean() < 0.5
+
+
+def test_an_empty_front_gets_a_picture_that_says_so(tmp_path, make_front):
+    front_picture(make_front(2, points=0), tmp_path / "front.png")
+    assert (tmp_path / "front.png").stat().st_size > 1000
+
+
+def test_the_extremes_and_the_choice_are_shown(make_front):
+    front = make_front(2)
+    choice = front.select(Weights({front.names[0]: 1.0, front.names[1]: 1.0}))
+    shown = {point.index: point.reason for point in _highlights(front, choice)}
+    assert shown == {0: "best kinetic_energy", choice.index: "chosen", len(front) - 1: "best torque_norm"}
+
+
+def test_without_a_choice_a_compromise_is_shown(make_front):
+    front = make_front(2)
+    shown = {point.reason: point.index for point in _highlights(front, None)}
+    assert shown["compromise"] == compromise(front).index
+
+
+@pytest.mark.parametrize("planar", [True, False])
+def test_a_stroboscopic_view_draws_postures_and_the_way_of_the_tool(planar, make_front):
+    figure = Figure()
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot(projection=None if planar else "3d")
+    motion = make_front(2, planar=planar).motions[0]
+    stroboscopic(axes, motion)
+    assert len(axes.lines) == PAPER.postures + 3
+    lines = [np.stack(line.get_data() if planar else line.get_data_3d(), axis=-1) for line in axes.lines]
+    np.testing.assert_array_equal(lines[0], motion.links[0][:, : 2 if planar else 3])
+    np.testing.assert_array_equal(lines[-2], motion.tool)
+
+
+def test_a_place_that_cannot_be_written_is_refused(tmp_path, make_front):
+    (tmp_path / "taken").touch()
+    with pytest.raises(InvalidInput, match=r"wanted to write it, got (File exists|Not a directory)"):
+        front_picture(make_front(2, moving=False), tmp_path / "taken" / "front.png")
+
+
+def test_pictures_say_which_limit_is_exceeded_between_samples_and_when(tmp_path, monkeypatch):
+    path = pk.line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=13)
+    arm, objectives = pk.arms.tringali_3r(), [pk.kinetic_energy, pk.torque_norm]
+    words = []
+    monkeypatch.setattr(Figure, "supxlabel", lambda figure, text, **style: words.append(" ".join(text.split())))
+    for limit, said in ((np.inf, 0), (1.0, 2)):
+        problem = pk.Tracking(
+            arm, path, objectives=objectives, limits=pk.Limits(velocity=limit), differences="central", bases=1
+        )
+        motions = problem.decode(problem.sample_starts(3, np.random.default_rng(0)))
+        values = np.array([np.arange(3.0), -np.arange(3.0)]).T
+        front = Front(
+            ids=np.arange(3), objectives=values, names=problem.names, units=problem.units, maximised=[False, False],
+            motions=motions, problem=problem,
+        )  # fmt: skip
+        front_picture(front, tmp_path / "front.png")
+        certificates_picture(certified(front, ["minimum"]), tmp_path / "certificates.png")
+        assert len(words) == said
+    assert all("velocity of joint" in each and " s)" in each and "help" in each for each in words)
+
+
+def test_jumps_are_drawn_apart_from_branches(tmp_path, monkeypatch, make_front):
+    drawn = []
+    plot = Axes.plot
+
+    def record(axes, *values, **style):
+        drawn.append((np.size(values[0]), style.get("linestyle", "-"), style.get("label")))
+        return plot(axes, *values, **style)
+
+    monkeypatch.setattr(Axes, "plot", record)
+    front = certified(make_front(2, points=9, moving=False), ["minimum"])
+
+    def high(jumping):
+        """Barriers in the gaps of these rows."""
+        rows = np.isin(np.arange(8), jumping)[:, None, None]
+        return SimpleNamespace(values_between=lambda front, shares: np.where(rows, np.inf, front.minimised[:-1, None]))
+
+    for jumping, branches in (([], [9]), ([3], [4, 5]), ([0, 3], [1, 3, 5])):
+        drawn.clear()
+        front_picture(replace(front, problem=high(jumping)), tmp_path / "front.png")
+        assert [size for size, line, _ in drawn[1:] if line == "-"][: len(branches)] == branches
+        assert [size for size, line, _ in drawn if line == ":"] == [2] * len(jumping)
+        assert [text for _, _, text in drawn if text] == ["jump"] * bool(jumping)
+        drawn.clear()
+        certificates_picture(replace(front, problem=high(jumping)), tmp_path / "certificates.png")
+        assert sum(size == 2 and line == ":" for size, line, _ in drawn) == len(jumping)
+
+
+@pytest.mark.parametrize("planar", [True, False])
+def test_every_obstacle_is_in_the_picture_of_a_motion(planar, make_front):
+    motion = make_front(2, points=2, planar=planar).motions[0]
+    ball = pk.obstacles.Sphere([0.5, 0.5, 0.2], 0.3)
+    figure = Figure()
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(subplot_kw={} if planar else {"projection": "3d"})
+    stroboscopic(axes, replace(motion, obstacles=(ball,)))
+    if planar:
+        (patch,) = axes.patches
+        reached = patch.get_xy()
+        np.testing.assert_allclose(np.ptp(reached, axis=0), 2 * np.sqrt(0.3**2 - 0.2**2), rtol=0.01)
+    else:
+        reached = np.concatenate([np.stack(line.get_data_3d(), axis=1) for line in axes.lines[:3]])
+        np.testing.assert_allclose(np.ptp(reached, axis=0), 0.6, rtol=0.01)
+
+
+# Names of points in pictures of fronts.
+
+
+SIZE = np.array([300.0, 200.0])
+HALF = np.array([12.0, 5.0])
+places = st.tuples(st.floats(20, 280), st.floats(10, 190))
+
+
+@given(places, st.lists(places, max_size=60))
+def test_a_name_lies_in_its_axes_and_on_nothing_where_a_place_is_free(mark, others):
+    taken = np.array([mark, *others])
+    middle = name_place(np.array(mark), HALF, taken, SIZE)
+    assert (middle - HALF >= -1e-9).all()
+    assert (middle + HALF <= SIZE + 1e-9).all()
+    grid = np.stack(np.meshgrid(*(np.linspace(h, s - h, NAMES.grid) for h, s in zip(HALF, SIZE, strict=True))), axis=-1)
+    free = [not (np.abs(taken - place) < HALF + NAMES.gap).all(axis=1).any() for place in grid.reshape(-1, 2)]
+    if any(free):
+        assert not (np.abs(taken - middle) < HALF).all(axis=1).any()
+
+
+@pytest.mark.parametrize("crowd", [0, 400])
+def test_no_two_names_lie_on_each_other_and_what_is_far_off_is_joined(crowd):
+    chance = np.random.default_rng(4)
+    points = np.concatenate([[(0.5, 0.5), (0.502, 0.5), (0.5, 0.503)], chance.uniform(0, 1, (crowd, 2))])
+    with matplotlib.rc_context(PAPER.style):
+        figure = Figure(figsize=(4.2, 3.4), dpi=125)
+        FigureCanvasAgg(figure)
+        axes = figure.subplots()
+        axes.plot(*points.T, linestyle="none", marker="o", markersize=2.0)
+        axes.set(xlim=(0, 1), ylim=(0, 1))
+        name_points(axes, points, [NamedPoint(row=row, name=f"100{row}", colour="k") for row in range(3)])
+        figure.draw_without_rendering()
+    boxes = [Text.get_window_extent(text) for text in axes.texts]  # without the lines to their marks
+    assert [text.get_text() for text in axes.texts] == ["1000", "1001", "1002"]
+    assert not any(one.overlaps(other) for i, one in enumerate(boxes) for other in boxes[:i])
+    for text, box in zip(axes.texts, boxes, strict=True):
+        mark = axes.transData.transform(text.xy)
+        gap = np.linalg.norm(
+            np.maximum(
+                np.abs(mark - [box.x0 + box.width / 2, box.y0 + box.height / 2]) - [box.width / 2, box.height / 2], 0.0
+            )
+        )
+        assert text.arrow_patch is not None or gap <= (NAMES.leader + NAMES.character) * 125 / 72
+
+
+@pytest.mark.parametrize("n_obj", [1, 2, 3, 5])
+def test_every_comparison_gets_a_small_picture_that_shows_something(n_obj, tmp_path, make_front):
+    front = make_front(n_obj, points=20, moving=False)
+    shifted = replace(front, objectives=front.objectives * 1.1, ranges=front.ranges)
+    comparison = Comparison(fronts=(front, shifted, front), labels=("$a$", "$a$", "b"))
+    file = tmp_path / "fronts.png"
+    comparison_picture(comparison, file)
+    assert file.stat().st_size < 150_000
+    with Image.open(file) as picture:
+        pixels = np.asarray(picture.convert("L"))
+    assert 0.003 < (pixels < 200).mean() < 0.5
+
+
+def test_a_staircase_bounds_what_its_points_dominate(make_front):
+    comparison = Comparison(fronts=(make_front(2, moving=False),) * 2, labels=("a", "b"))
+    stairs = _staircase(comparison, np.array([[1.0, 3.0], [2.0, 1.0]]), np.array([4.0, 5.0]))
+    assert stairs.tolist() == [[1.0, 5.0], [1.0, 3.0], [2.0, 3.0], [2.0, 1.0], [4.0, 1.0]]

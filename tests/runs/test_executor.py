@@ -1,0 +1,51 @@
+"""A run says who computed it, and whether one process comes to the same bit for bit."""
+
+from __future__ import annotations
+
+import json
+from contextlib import closing
+import pytest
+from paretoik.runs.distribution import distributing
+from paretoik.runs.executor import computed
+from paretoik.runs.executor import computed_text
+from paretoik.runs.machine import processor
+from paretoik.runs.processes import WorkerProcesses
+
+HERE = " ".join(processor())
+ALONE = {"by": "this process", "processor": HERE}
+WORKERS = {"by": "worker processes", "workers": 3, "processor": HERE}
+ELSEWHERE = {"processor": "riscv64 V", "machines": 2, "workers": 8}
+
+
+def test_who_goes_on_stands_behind_who_computed_before():
+    with closing(WorkerProcesses(3)) as workers, distributing(workers):
+        by_workers = computed()
+    assert by_workers == {"reproducible": "bit for bit", "by": [WORKERS]}
+    both = computed(by_workers)
+    assert both == {"reproducible": "bit for bit", "by": [WORKERS, ALONE]}
+    assert computed(json.loads(json.dumps(both))) == both  # who goes on alone again is named once
+    assert computed_text(both) == ("worker processes (3), then this process; one process comes to the same bit for bit")
+
+
+def test_another_make_of_processor_before_or_beside_makes_a_run_reproducible_to_tolerance():
+    before = {"by": [{**ALONE, "processor": "riscv64 V"}]}
+    assert computed(before)["reproducible"] == "to tolerance"
+    mixed = computed({"by": [{"by": "Dask cluster", "processor": HERE, "machines": [ELSEWHERE]}]})
+    assert mixed["reproducible"] == "to tolerance"
+    assert "8 workers on 2 machines, riscv64 V" in computed_text(mixed)
+    assert "comes to the same to tolerance" in computed_text(mixed)
+
+
+def test_a_cluster_of_which_nothing_came_leaves_unknown_how_a_run_is_reproducible():
+    """Its client may have been killed: what its workers computed is in the journal, and they are not."""
+    entry = computed({"by": [{"by": "Dask cluster", "processor": HERE, "machines": []}]})
+    assert entry["reproducible"] == "unknown"
+    assert "unknown" in computed_text(entry)
+
+
+@pytest.mark.parametrize(
+    "entry", [None, 3, "by", [], {"by": 1}, {"by": [1]}, {"by": [{"machines": 3}]}, {"by": [{"machines": [1]}]}]
+)
+def test_an_entry_that_is_none_of_ours_says_nothing(entry):
+    assert computed_text(entry) == ""
+    assert computed(entry)["by"] == [ALONE]

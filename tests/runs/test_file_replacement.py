@@ -1,0 +1,199 @@
+"""Files that belong together are replaced all at once or not at all, wherever the process is killed."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+import pytest
+from paretoik.errors import InvalidInput
+from paretoik.runs.file_replacement import SAVED
+from paretoik.runs.file_replacement import only_writer
+from paretoik.runs.file_replacement import replace_file
+from paretoik.runs.file_replacement import replace_files
+from paretoik.runs.file_replacement import without_writers
+
+OLD = {"a": b"old", "b": b"old"}
+NEW = {"a": b"new and longer", "b": b"new", "c": b"new"}
+WRITER = """
+import os, signal, sys
+from pathlib import Path
+from paretoik.runs.file_replacement import only_writer, replace_files
+
+folder, last = Path(sys.argv[1]), int(sys.argv[2])
+events = 0
+
+def count(event, arguments):
+    global events
+    events_of_files = "open", "os.mkdir", "os.rename", "os.rmdir", "os.remove"
+    if event in events_of_files and (str(folder) in str(arguments[0]) or not os.path.isabs(str(arguments[0]))):
+        events += 1
+        if events == last:
+            os.kill(os.getpid(), signal.SIGKILL)
+
+sys.addaudithook(count)
+with only_writer(folder) as opened:
+    replace_files(opened, {"a": b"new and longer", "b": b"new", "c": b"new"})
+print(events)
+"""
+
+
+def write(folder: Path, *, last: int) -> subprocess.CompletedProcess[str]:
+    """Replace the files of a folder in a process that kills itself before the last event on them."""
+    command = [sys.executable, "-c", WRITER, str(folder), str(last)]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    with without_writers(folder):
+        return {file.name: file.read_bytes() for file in folder.iterdir() if not file.name.startswith(".")}
+
+
+def test_a_file_is_replaced_and_nothing_else_stays_behind(tmp_path):
+    file = tmp_path / "deep" / "run.json"
+    replace_file(file, b"before")
+    replace_file(file, b"after")
+    assert file.read_bytes() == b"after"
+    assert [entry.name for entry in file.parent.iterdir()] == ["run.json"]
+
+
+@pytest.mark.parametrize("name", [".", "/", ".."])
+def test_a_folder_is_no_file_to_replace(name):
+    with pytest.raises(InvalidInput, match="wanted to write it, got a folder"):
+        replace_file(Path(name), b"content")
+
+
+def test_a_full_disk_leaves_the_former_file_whole(tmp_path, monkeypatch):
+    replace_file(tmp_path / "run.json", b"before")
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(InvalidInput, match=r"run\.json: wanted to write it, got No space left on device"):
+        replace_file(tmp_path / "run.json", b"after")
+    assert [(file.name, file.read_bytes()) for file in tmp_path.iterdir()] == [("run.json", b"before")]
+
+
+def test_a_file_where_a_folder_should_be_is_refused(tmp_path):
+    (tmp_path / "taken").write_text("text")
+    with pytest.raises(InvalidInput, match="wanted to write it, got"):
+        replace_file(tmp_path / "taken" / "run.json", b"content")
+    assert (tmp_path / "taken").read_text() == "text"
+
+
+def test_wherever_the_writer_is_killed_all_files_are_the_old_ones_or_all_are_the_new(tmp_path):
+    whole = tmp_path / "whole"
+    whole.mkdir()
+    events = int(write(whole, last=0).stdout)
+    assert contents(whole) == NEW
+    outcomes = []
+    for last in range(1, events + 1):
+        folder = tmp_path / str(last)
+        folder.mkdir()
+        for name, content in OLD.items():
+            (folder / name).write_bytes(content)
+        assert write(folder, last=last).returncode == -signal.SIGKILL
+        outcomes.append(contents(folder))
+    assert all(outcome in (OLD, NEW) for outcome in outcomes)
+    is_new = [outcome == NEW for outcome in outcomes]
+    assert is_new == sorted(is_new), "once saved, always saved"
+    assert {True, False} <= set(is_new)
+
+
+def test_the_next_writer_goes_on_from_what_a_killed_one_had_saved(tmp_path):
+    (tmp_path / SAVED).mkdir()
+    (tmp_path / SAVED / "a").write_bytes(b"saved")
+    with only_writer(tmp_path) as opened:
+        assert (tmp_path / "a").read_bytes() == b"saved"
+        replace_files(opened, {"b": b"next"})
+    assert contents(tmp_path) == {"a": b"saved", "b": b"next"}
+
+
+def test_a_folder_where_a_file_should_be_is_refused_and_all_files_stay(tmp_path):
+    replace_file(tmp_path / "a", b"old")
+    (tmp_path / "b").mkdir()
+    with pytest.raises(InvalidInput, match=r"b: wanted to write it, got a folder"), only_writer(tmp_path) as opened:
+        replace_files(opened, NEW)
+    assert (tmp_path / "a").read_bytes() == b"old"
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["a", "b"]
+
+
+def test_readers_wait_for_a_writer_and_read_beside_each_other(tmp_path):
+    with without_writers(tmp_path), without_writers(tmp_path):
+        reader = os.open(tmp_path, os.O_RDONLY)
+        try:
+            with pytest.raises(BlockingIOError):
+                fcntl.flock(reader, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        finally:
+            os.close(reader)
+
+
+def test_a_folder_that_is_missing_is_read_as_it_is(tmp_path):
+    with without_writers(tmp_path / "missing"):
+        assert not (tmp_path / "missing").exists()
+
+
+def test_a_link_in_place_of_the_saved_files_is_not_followed(tmp_path):
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    (elsewhere / "a").write_bytes(b"not of this folder")
+    folder = tmp_path / "run"
+    folder.mkdir()
+    (folder / SAVED).symlink_to(elsewhere)
+    with only_writer(folder):
+        assert not (folder / "a").exists()
+    assert (elsewhere / "a").exists()
+
+
+@pytest.mark.parametrize("linked", ["inner", "inner/most"])
+def test_a_folder_within_that_is_a_link_is_refused_and_nothing_is_written_where_it_leads(tmp_path, linked):
+    (tmp_path / "elsewhere" / "most").mkdir(parents=True)
+    place = tmp_path / "run" / linked
+    place.parent.mkdir(parents=True)
+    place.symlink_to(tmp_path / "elsewhere")
+    refused = pytest.raises(InvalidInput, match="inner/most: wanted a folder to write into, got")
+    with refused, only_writer(tmp_path / "run", "inner", "most") as opened:
+        replace_files(opened, NEW)
+    assert [file.name for file in (tmp_path / "elsewhere").rglob("*")] == ["most"]
+
+
+@pytest.mark.parametrize("planted", ["link", "file", "folder"])
+def test_what_lies_at_the_temporary_name_of_a_file_is_replaced_and_a_link_not_followed(tmp_path, planted):
+    precious, file = tmp_path / "precious", tmp_path / "run" / "run.json"
+    precious.write_bytes(b"mine")
+    file.parent.mkdir()
+    part = file.with_name(f".run.json.{os.getpid()}")
+    if planted == "folder":
+        part.mkdir()
+        with pytest.raises(InvalidInput, match=r"run\.json: wanted to write it, got Is a directory"):
+            replace_file(file, b"new")
+        return
+    part.symlink_to(precious) if planted == "link" else part.write_bytes(b"of a killed process with this number")
+    replace_file(file, b"new")
+    assert (file.read_bytes(), precious.read_bytes()) == (b"new", b"mine")
+    assert [entry.name for entry in file.parent.iterdir()] == ["run.json"]
+
+
+@pytest.mark.parametrize("planted", ["link", "file", "folder"])
+def test_what_lies_at_the_temporary_name_of_several_files_is_replaced_and_a_link_not_followed(tmp_path, planted):
+    elsewhere, folder = tmp_path / "elsewhere", tmp_path / "run"
+    elsewhere.mkdir()
+    (elsewhere / "a").write_bytes(b"mine")
+    folder.mkdir()
+    part = folder / f"{SAVED}.{os.getpid()}"
+    if planted == "link":
+        part.symlink_to(elsewhere)
+    elif planted == "file":
+        part.write_bytes(b"")
+    else:
+        part.mkdir()
+        (part / "a").symlink_to(elsewhere / "a")
+    with only_writer(folder) as opened:
+        replace_files(opened, NEW)
+    assert contents(folder) == NEW
+    assert (elsewhere / "a").read_bytes() == b"mine"
+    assert not list(folder.glob(f"{SAVED}*"))

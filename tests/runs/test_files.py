@@ -1,0 +1,138 @@
+""""""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+import numpy as np
+import pytest
+from paretoik.errors import InvalidInput
+from paretoik.errors import InvalidRun
+from paretoik.runs.files import CHOICES
+from paretoik.runs.files import PAGE_MARK
+from paretoik.runs.files import PICTURE_MARK
+from paretoik.runs.files import RUN
+from paretoik.runs.files import check_target
+from paretoik.runs.files import digest
+from paretoik.runs.files import is_run
+from paretoik.runs.files import read_run
+from paretoik.runs.files import to_json
+from paretoik.runs.files import write_run
+import io
+import zipfile
+import pyarrow as pa
+import pyarrow.parquet as pq
+from paretoik.runs.files import ARRAY_OPTIONS as OPTIONS
+from paretoik.runs.files import read_arrays
+from paretoik.runs.files import read_table
+
+
+def test_a_run_is_read_as_it_was_written_with_its_format_and_its_digest(tmp_path):
+    write_run(tmp_path, {"status": "running", "seed": 3})
+    run = read_run(tmp_path / RUN)
+    assert {name: run[name] for name in ("format", "status", "seed")} == {"format": 1, "status": "running", "seed": 3}
+    assert run["digest"] == digest(run)
+    assert digest(run | {"seed": 4}) != run["digest"]
+
+
+def test_a_run_of_another_format_is_one_but_cannot_be_read(tmp_path):
+    (tmp_path / RUN).write_text('{"format": 2}')
+    assert is_run(tmp_path / RUN)
+    with pytest.raises(InvalidRun, match="wanted format 1, got 2; it needs another version of paretoik"):
+        read_run(tmp_path / RUN)
+
+
+def test_what_a_run_says_becomes_strict_json(tmp_path):
+    said = {
+        "array": np.array([1.0, np.nan, -np.inf]),
+        3: (np.int64(2), True, None),
+        "file": Path("a/b"),
+        "x": np.float64(1),
+    }
+    assert to_json(said) == {"array": [1.0, None, None], "3": [2, True, None], "file": "a/b", "x": 1.0}
+    write_run(tmp_path, said)
+    assert json.loads((tmp_path / RUN).read_text(), parse_constant=pytest.fail)["array"] == [1.0, None, None]
+
+
+def test_what_json_cannot_hold_is_refused_by_its_place():
+    with pytest.raises(InvalidInput, match=r"run\.settings\[1\]: wanted what JSON can hold, got object"):
+        to_json({"settings": [1, object()]})
+
+
+@pytest.mark.parametrize("name", [".", "..", "/", "x" * 300, "taken/page.html", "notes.txt", RUN, CHOICES])
+def test_where_nobody_may_write_is_known_before_any_work(tmp_path, name):
+    (tmp_path / "taken").touch()
+    (tmp_path / "notes.txt").write_text("mine")
+    write_run(tmp_path, {"status": "done"})
+    with pytest.raises(InvalidInput) as refused:
+        check_target("report", tmp_path / name, mark=PAGE_MARK)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_page_may_be_written_anew_and_other_files_where_told(tmp_path):
+    page, notes = tmp_path / "report.html", tmp_path / "notes.html"
+    page.write_bytes(b"<!doctype html>" + PAGE_MARK)
+    notes.write_text("<!doctype html>mine")
+    write_run(tmp_path, {"status": "done"})
+    check_target("report", page, mark=PAGE_MARK)
+    check_target("report", notes, mark=PAGE_MARK, overwrite=True)
+    check_target("report", tmp_path / "new" / "report.html", mark=PAGE_MARK)
+    for file, mark in ((notes, PAGE_MARK), (page, PICTURE_MARK), (page, None)):
+        with pytest.raises(InvalidInput, match="permission to overwrite"):
+            check_target("report", file, mark=mark)
+    with pytest.raises(InvalidInput, match="wanted a file that is not the run's own"):
+        check_target("report", tmp_path / RUN, mark=PAGE_MARK, overwrite=True)
+
+
+# Files of little that declare much are refused before anything is unpacked.
+
+
+def archive(entries, compression=zipfile.ZIP_STORED):
+    sink = io.BytesIO()
+    with zipfile.ZipFile(sink, "w", compression) as file:
+        for name, content in entries.items():
+            file.writestr(name, content)
+    return sink.getvalue()
+
+
+def header(shape, kind="<f8"):
+    sink = io.BytesIO()
+    np.lib.format.write_array_header_1_0(sink, {"descr": kind, "fortran_order": False, "shape": shape})
+    return sink.getvalue()
+
+
+@pytest.mark.parametrize("dtype", [float, np.int64, "U7"])
+def test_arrays_come_back_as_they_were(dtype):
+    arrays = {"a": np.zeros((3, 0), dtype), "b": np.ones((2, 3), dtype)}
+    sink = io.BytesIO()
+    np.savez(sink, **arrays)
+    read = read_arrays(sink.getvalue())
+    assert read.keys() == arrays.keys()
+    assert all(np.array_equal(read[name], arrays[name]) and read[name].dtype == arrays[name].dtype for name in arrays)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        archive({"q.npy": header((10**7,)) + bytes(8 * 10**7)}, zipfile.ZIP_DEFLATED),
+        archive({"q.npy": header((2**40,))}),
+        archive({"q.npy": header((2**60,), "<U1000")}),
+        archive({"q.npy": header((3,)) + bytes(8)}),
+    ],
+)
+def test_an_archive_that_declares_more_than_it_has_is_refused(content):
+    assert len(content) < 10**6
+    with pytest.raises(ValueError, match=r"q\.npy that declares \d+ bytes"):
+        read_arrays(content)
+
+
+def test_a_table_that_declares_more_than_any_run_has_is_refused():
+    sink = io.BytesIO()
+    zeros = pa.chunked_array([pa.array(np.zeros(1000, dtype=np.int8))] * (OPTIONS.most_rows // 1000 + 1))
+    pq.write_table(pa.table({"id": zeros}), sink)
+    assert len(sink.getvalue()) < 10**6
+    with pytest.raises(ValueError, match=r"a table that declares \d+ rows"):
+        read_table(sink.getvalue())
+    sink = io.BytesIO()
+    pq.write_table(pa.table({"id": [1, 2]}), sink)
+    assert read_table(sink.getvalue())["id"].to_pylist() == [1, 2]

@@ -1,0 +1,358 @@
+""""""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import numba
+import pytest
+from paretoik.runs.interruption import interruptible
+from paretoik.stop_flag import STOP
+from paretoik.stop_flag import Interrupted
+from paretoik.stop_flag import check_interruption
+import time
+from dataclasses import dataclass
+from paretoik import compilation_notices
+from paretoik.compilation_notices import begin_compilation
+from paretoik.compilation_notices import computing_clock
+from paretoik.compilation_notices import end_compilation
+from paretoik.errors import InvalidInput
+from paretoik.runs.interruption import reserve_time
+from paretoik.runs.interruption import time_limit
+import numpy as np
+import paretoik as pk
+from paretoik.api.certified_front import LaterTime
+from paretoik.runs.interruption import OPTIONS
+from paretoik.runs.interruption import time_left
+from tests.api.problems import tracking
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_the_first_signal_is_noted_and_the_run_goes_on(number, code):
+    with interruptible() as interruption:
+        assert not interruption
+        assert interruption.exit_code == 0
+        os.kill(os.getpid(), number)
+        assert interruption
+        assert interruption.signal == number
+        assert interruption.exit_code == code
+
+
+def test_a_second_ctrl_c_raises():
+    # SIGINT is ignored in a job that runs in the background
+    previous_handler = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with interruptible() as interruption:
+            os.kill(os.getpid(), signal.SIGINT)
+            assert interruption
+            with pytest.raises(KeyboardInterrupt):
+                os.kill(os.getpid(), signal.SIGINT)
+    finally:
+        signal.signal(signal.SIGINT, previous_handler)
+
+
+def test_the_handlers_found_are_put_back():
+    mine = signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    try:
+        before = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)]
+        with interruptible():
+            assert signal.getsignal(signal.SIGTERM) != signal.SIG_IGN
+        assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)] == before
+        with pytest.raises(ZeroDivisionError), interruptible():
+            raise ZeroDivisionError
+        assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)] == before
+    finally:
+        signal.signal(signal.SIGTERM, mine)
+
+
+def test_what_runs_meanwhile_learns_of_the_signal_until_the_end():
+    check_interruption()
+    with interruptible() as outer:
+        with interruptible() as inner:
+            assert inner is outer
+            os.kill(os.getpid(), signal.SIGTERM)
+        with pytest.raises(Interrupted):
+            check_interruption()
+    check_interruption()
+
+
+def test_another_thread_catches_nothing():
+    handlers = []
+
+    def work():
+        with interruptible() as interruption:
+            handlers.append((signal.getsignal(signal.SIGINT), bool(interruption)))
+
+    before = signal.getsignal(signal.SIGINT)
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    assert handlers == [(before, False)]
+
+
+def test_a_signal_sets_the_flag_while_the_main_thread_runs_no_python():
+    with interruptible() as interruption:
+        assert not STOP[0]
+        timer = threading.Timer(0.05, os.kill, (os.getpid(), signal.SIGTERM))
+        timer.start()
+        wait_for(STOP, 1e10)  # compiled
+        assert STOP[0] == signal.SIGTERM == interruption.signal
+        timer.join()
+    assert not STOP[0]
+
+
+@numba.njit(nogil=True)
+def wait_for(stop, count):
+    """Run until the flag is set, or long."""
+    i = 0.0
+    while not stop[0] and i < count:
+        i += 1.0
+    return i
+
+
+def test_a_former_wakeup_descriptor_learns_of_signals_too_and_is_put_back():
+    reader, writer = os.pipe()
+    os.set_blocking(writer, False)
+    before = signal.set_wakeup_fd(writer)
+    try:
+        with interruptible():
+            os.kill(os.getpid(), signal.SIGINT)
+        assert os.read(reader, 10) == bytes([signal.SIGINT])
+    finally:
+        assert signal.set_wakeup_fd(before) == writer
+        os.close(reader)
+        os.close(writer)
+
+
+def test_a_forked_process_leaves_its_parents_flag_alone():
+    with interruptible() as interruption:
+        child = os.fork()
+        if not child:
+            os.kill(os.getpid(), signal.SIGTERM)
+            os._exit(0)
+        os.waitpid(child, 0)
+        threading.Event().wait(0.05)
+        assert not STOP[0]
+        assert not interruption
+
+
+@dataclass
+class Clock:
+    """Stands for the module ``time``: its time [s] is what a test sets."""
+
+    now: float = 100.0
+
+    def monotonic(self) -> float:
+        return self.now
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """The clock that time limits go by, and no compilation so far: however slow a machine is, it stands still."""
+    monkeypatch.setattr(compilation_notices, "_TIME", [(0.0, None)])
+    monkeypatch.setattr(compilation_notices, "time", Clock())
+    return compilation_notices.time
+
+
+def wait_until_reached(limit) -> None:
+    ends = time.monotonic() + 10.0
+    while not limit.reached and time.monotonic() < ends:
+        time.sleep(0.001)
+
+
+def wait_for_interruption() -> None:
+    ends = time.monotonic() + 10.0
+    while time.monotonic() < ends:
+        check_interruption()
+        time.sleep(0.001)
+
+
+def test_past_the_limit_what_runs_is_interrupted_and_nothing_after_it():
+    started = time.monotonic()
+    with time_limit(0.05) as limit, pytest.raises(Interrupted):
+        wait_for_interruption()
+    assert limit.reached
+    assert time.monotonic() - started < 5.0
+    check_interruption()
+
+
+def test_within_the_limit_nothing_happens_then_or_later(clock):
+    with time_limit(0.05) as limit:
+        time.sleep(0.1)
+        check_interruption()
+    clock.now += 1.0
+    time.sleep(0.1)
+    assert not limit.reached
+    check_interruption()
+
+
+def test_without_a_limit_there_is_no_thread_more():
+    before = threading.active_count()
+    with time_limit(None) as limit:
+        assert threading.active_count() == before
+    assert not limit.reached
+
+
+def test_of_a_limit_time_can_be_reserved_for_what_follows():
+    with time_limit(20.0) as limit:
+        with reserve_time(0.999, 60.0), pytest.raises(Interrupted):
+            wait_for_interruption()
+        assert limit.reached
+        check_interruption()
+
+
+def test_no_more_time_is_reserved_than_the_longest():
+    with time_limit(60.0) as limit, reserve_time(0.999, 0.5):
+        time.sleep(0.2)
+        check_interruption()
+    assert not limit.reached
+
+
+def test_a_limit_that_is_reached_leaves_no_time_to_reserve():
+    with time_limit(0.05):
+        with reserve_time(0.0, 0.0):
+            time.sleep(0.1)
+        with pytest.raises(Interrupted):
+            wait_for_interruption()
+
+
+def test_without_a_limit_no_time_is_reserved():
+    with reserve_time(0.999, 60.0):
+        time.sleep(0.05)
+        check_interruption()
+
+
+def test_a_signal_before_the_limit_stays_the_signal(clock):
+    with interruptible() as interruption, time_limit(0.05) as limit:
+        os.kill(os.getpid(), signal.SIGTERM)
+        clock.now += 1.0
+        wait_until_reached(limit)
+        assert limit.reached
+        assert STOP[0] == signal.SIGTERM
+    assert interruption.signal == signal.SIGTERM
+
+
+@pytest.mark.parametrize("seconds", [0, -1.0, float("nan"), float("inf")])
+def test_a_limit_that_is_no_positive_number_is_refused(seconds):
+    with pytest.raises(InvalidInput, match="time_limit: must"), time_limit(seconds):
+        pass
+
+
+def test_another_thread_is_refused():
+    errors: list[InvalidInput] = []
+
+    def work() -> None:
+        try:
+            with time_limit(1.0):
+                pass
+        except InvalidInput as error:
+            errors.append(error)
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    assert "time_limit: wants the main thread" in str(errors[0])
+
+
+def test_the_computing_clock_stands_still_while_code_is_compiled(clock):
+    started = computing_clock()
+    for computed in (1.0, 2.0):
+        clock.now += 1.0
+        begin_compilation()
+        clock.now += 10.0
+        begin_compilation()  # a function within that function: one compilation
+        clock.now += 5.0
+        assert computing_clock() - started == computed
+        end_compilation()
+        assert computing_clock() - started == computed
+
+
+def test_the_computing_clock_never_counts_a_compilation_that_is_just_ending(clock, monkeypatch):
+    started, readings, monotonic = computing_clock(), [], clock.monotonic
+
+    def read_meanwhile() -> float:  # as another thread may
+        monkeypatch.setattr(clock, "monotonic", monotonic)
+        readings.append(computing_clock())
+        return monotonic()
+
+    begin_compilation()
+    clock.now += 10.0
+    monkeypatch.setattr(clock, "monotonic", read_meanwhile)
+    end_compilation()
+    assert [*readings, computing_clock()] == [started, started]
+
+
+def test_compiling_code_is_not_counted(clock):
+    with time_limit(0.2) as limit:
+        begin_compilation()
+        clock.now += 10.0
+        time.sleep(0.3)  # past the limit by any other clock
+        assert limit.remaining == pytest.approx(0.2)
+        end_compilation()
+        assert limit.remaining == pytest.approx(0.2)
+        check_interruption()
+        clock.now += 0.3
+        with pytest.raises(Interrupted):
+            wait_for_interruption()
+    assert limit.reached
+
+
+def test_what_is_reserved_can_be_shared_by_two_stages():
+    with time_limit(20.0):
+        with reserve_time(0.999, 60.0), pytest.raises(Interrupted):
+            wait_for_interruption()
+        with reserve_time(0.5, 60.0):
+            check_interruption()
+            time.sleep(0.05)
+            check_interruption()
+        check_interruption()
+
+
+@pytest.mark.parametrize(("done", "seconds"), [(0, 10.0), (1, 10.0), (10, 0.5 * OPTIONS.seconds)])
+def test_nothing_is_said_before_enough_is_done(done: int, seconds: float):
+    assert time_left(done, 20 - done, seconds) is None
+
+
+def test_a_stage_goes_on_as_fast_as_it_was_and_later_ones_are_added():
+    assert time_left(10, 10, 20.0) == 20.0
+    assert time_left(10, 5, 20.0, later=7.0) == 17.0
+
+
+def test_later_stages_are_measured_on_points_as_they_come(monkeypatch, unchecked):
+    """Two of four points exceed limits: looks at all of them, tightening of half, certificates of all are counted."""
+    clock, problem = [0.0], tracking()
+    monkeypatch.setattr("paretoik.api.certified_front.computing_clock", lambda: clock[0])
+
+    class Individuals:
+        def __init__(self, x):
+            clock[0] += 0.01
+            self.violation_between = np.where(x[:, 0, 0] > 0, 1e-3, 0.0)
+
+    class Formulation:
+        def individuals(self, x):
+            return Individuals(x)
+
+        def hold_between(self, x, ranges, solver):
+            clock[0] += 3.0
+            return x, [problem.program(ranges)]
+
+    def certify(programs, x, **settings):
+        clock[0] += 0.2
+
+    monkeypatch.setattr("paretoik.api.certified_front.certify", certify)
+    later = LaterTime(formulation=Formulation())
+    for sign in (1.0, -1.0, 2.0, -2.0, -2.0):  # the last one has been seen
+        later.try_point(np.full((21, 3), sign), np.ones(2), seconds=1e6)
+    assert later.per_point() == pytest.approx(0.01 + 3.0 / 2 + 0.21)
+    spent = later.spent
+    later.try_point(np.full((21, 3), 3.0), np.ones(2), seconds=0.1)
+    assert later.spent == spent  # too early
+
+
+def test_trials_of_later_stages_change_no_result():
+    """They are made for an observer only."""
+    fronts = [
+        pk.epsilon_front(tracking(), points=6, starts=4, observe=observe) for observe in (False, lambda progress: None)
+    ]
+    assert np.array_equal(fronts[0].objectives, fronts[1].objectives)

@@ -1,0 +1,390 @@
+"""Postures from random starts reach their sample; angles are compared in the nearest turn."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from paretoik import Arm, Limits, Pose, Task, arms, circle, joint_travel, line, poses
+from paretoik.errors import Infeasible, OutOfReach
+from paretoik.robot.arms import marcos_nr, tringali_3r
+from paretoik.task.retraction import task_errors
+from paretoik.task.self_motion import build_charts
+from paretoik.task.starts import MOTION_OPTIONS as OPTIONS
+from paretoik.task.starts import (
+    order_by_neighbour,
+    perturbed_starts,
+    posture_distance,
+    recombined_starts,
+    rollout_starts,
+    sample_postures,
+    travelling_starts,
+    wrap_difference,
+)
+from tests.formulations.problems import panda, random_arm, within_reach
+from tests.task.tasks import task
+
+ARM = arms.tringali_3r()
+PERIODIC = np.array([True, False, True])
+differences = st.lists(st.floats(-50.0, 50.0), min_size=3, max_size=3).map(np.array)
+
+
+@settings(max_examples=50)
+@given(differences)
+def test_whole_turns_of_periodic_joints_are_taken_off_and_of_no_others(difference):
+    wrapped = wrap_difference(difference, PERIODIC)
+    assert wrapped[1] == difference[1]
+    assert np.abs(wrapped[PERIODIC]).max() <= np.pi + 1e-12
+    turns = (difference - wrapped) / (2 * np.pi)
+    np.testing.assert_allclose(turns, np.round(turns), atol=1e-12)
+
+
+@pytest.mark.parametrize("sample", [0, 7, 20])
+def test_postures_reach_their_sample_in_more_than_one_way(sample):
+    along = task(circle([0.3, 0.0], 0.05, duration=1.0, samples=21))
+    q = sample_postures(along, 40, np.random.default_rng(0), sample=sample)
+    assert len(q) > 20
+    error = task_errors(along.arm, along.tasks, q, along.targets[sample])[0]
+    assert np.abs(error).max() < 1e-9
+    assert (q[:, 1] > 0).any()
+    assert (q[:, 1] < 0).any()
+    assert np.abs(q).max() <= np.pi
+
+
+def test_nothing_reaches_what_is_beyond_the_arm():
+    beyond = task(circle([0.9, 0.0], 0.05, duration=1.0, samples=21), limits=Limits(velocity=9.0))
+    assert len(sample_postures(beyond, 20, np.random.default_rng(0))) == 0
+
+
+@settings(max_examples=25)
+@given(seed=st.integers(0, 10_000), count=st.integers(1, 12))
+def test_each_comes_after_the_nearest_of_those_that_are_left(seed, count):
+    q = np.random.default_rng(seed).uniform(-np.pi, np.pi, (count, 3))
+    ordered = order_by_neighbour(ARM, q)
+    np.testing.assert_array_equal(ordered[0], q[0])
+    np.testing.assert_array_equal(np.sort(ordered, axis=0), np.sort(q, axis=0))
+    for k in range(count - 1):
+        distance = posture_distance(ARM, ordered[k + 1 :], ordered[k])
+        assert distance[0] == distance.min()
+
+
+# Postures, candidate motions and coordinates of the self-motion manifold, and refusals where there are none.
+
+
+REACH = 0.4895  # m, of the paper's arm, 0.176 + 0.176 + 0.1375
+WITHIN = (0.3, 0.1)
+
+
+def task_of(arm, path, **changed):
+    return task(path, arm, **{"objectives": [joint_travel], **changed})
+
+
+def paper(samples=21, **changed):
+    return task_of(tringali_3r(), line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=samples), **changed)
+
+
+def round_trip(**changed):
+    return task_of(tringali_3r(), circle([0.4178, 0.0], 0.05, duration=1.0, samples=31), cyclic=True, **changed)
+
+
+def across(samples=21):
+    """Return a line of poses across the Panda's table."""
+    return line(*(Pose.from_rpy((0.45, y, 0.3), (3.1, 0, 0)) for y in (-0.15, 0.15)), duration=1.0, samples=samples)
+
+
+TASKS = {
+    "3R": paper,
+    "3R around a circle": round_trip,
+    "4R": lambda: task_of(marcos_nr(4), line([2.5, 0.5], [1.0, 2.0], duration=1.0, samples=21)),
+    "4R around a circle": lambda: task_of(
+        marcos_nr(4), circle([2.0, 1.0], 0.4, duration=1.0, samples=31, timing="uniform"), cyclic=True
+    ),
+    "4R with its angle": lambda: task_of(
+        marcos_nr(4), line(Pose.planar(2.0, 1.0, 0.5), Pose.planar(1.0, 2.0, 1.5), duration=1.0, samples=21)
+    ),
+    "Panda, position": lambda: task_of(panda(), Task(across(), axes="xyz")),
+    "Panda, position and axis": lambda: task_of(panda(), Task(across(), axes="xyz+z-axis")),
+    "Panda, pose": lambda: task_of(panda(), across()),
+    "random 8R, pose": lambda: task_of(random_arm(2, 8), within_reach(random_arm(2, 8), 2, poses=True, samples=21)),
+}
+every_task = pytest.mark.parametrize("make", TASKS.values(), ids=TASKS.keys())
+
+
+def chance(seed=0):
+    return np.random.default_rng(seed)
+
+
+@every_task
+def test_postures_reach_their_sample(make):
+    task = make()
+    for sample in (0, 7):
+        q = sample_postures(task, 40, chance(), sample=sample)
+        error, _ = task_errors(task.arm, task.tasks, q, task.targets[sample])
+        assert len(q) > 10
+        assert np.abs(error).max() < 1e-9
+
+
+@every_task
+def test_candidates_are_continuous_motions_on_the_path(make):
+    task = make()
+    q = rollout_starts(task, 60, chance())
+    assert len(q) > 20
+    assert task.motion(q).tracking_error.max() < 1e-9
+    assert np.abs(np.diff(q, axis=1)).max() <= OPTIONS.longest_jump
+
+
+def test_candidates_repeat_with_their_seed_and_differ_without():
+    np.testing.assert_array_equal(rollout_starts(paper(), 20, chance()), rollout_starts(paper(), 20, chance()))
+    assert np.abs(rollout_starts(paper(), 20, chance()) - rollout_starts(paper(), 20, chance(1))).max() > 0.1
+
+
+def test_candidates_of_a_cycle_close_to_the_bit():
+    q = rollout_starts(round_trip(), 60, chance())
+    np.testing.assert_array_equal(q[:, 0], q[:, -1])
+
+
+def test_candidates_begin_at_the_given_start_to_the_bit():
+    start = sample_postures(paper(), 40, chance())[0]
+    q = rollout_starts(paper(start=start), 30, chance())
+    np.testing.assert_array_equal(q[:, 0], np.tile(start, (len(q), 1)))
+    assert np.ptp(q[:, -1], axis=0).max() > 0.05
+
+
+@every_task
+def test_pushed_motions_stay_on_the_path_and_leave_those_they_come_from(make):
+    task = make()
+    q = rollout_starts(task, 200, chance())
+    away = perturbed_starts(task, q, chance(1))
+    assert len(away) > 5
+    assert task.motion(away).tracking_error.max() < 1e-9
+    assert np.abs(np.diff(away, axis=1)).max() <= OPTIONS.longest_jump + np.abs(np.diff(q, axis=1)).max()
+    apart = np.abs(away[:, None] - q[None]).max(axis=(2, 3)).min(axis=1)
+    assert np.median(apart) > 0.1
+
+
+@every_task
+def test_swept_motions_stay_on_the_path_and_travel_farther_than_roll_outs(make):
+    task = make()
+    rolled, far = rollout_starts(task, 200, chance()), travelling_starts(task, 200, chance(1))
+    assert len(far) > 5
+    assert task.motion(far).tracking_error.max() < 1e-9
+    assert np.abs(np.diff(far, axis=1)).max() <= OPTIONS.longest_jump
+    way = [np.linalg.norm(np.diff(q, axis=1), axis=2).sum(axis=1) for q in (rolled, far)]
+    assert np.quantile(way[1], 0.8) > 1.5 * np.quantile(way[0], 0.8)
+
+
+@pytest.mark.parametrize("of", [perturbed_starts, travelling_starts])
+def test_motions_that_move_more_keep_a_given_start_and_close_cycles_to_the_bit(of):
+    def moved(task):
+        return (
+            travelling_starts(task, 100, chance(1))
+            if of is travelling_starts
+            else perturbed_starts(task, rollout_starts(task, 100, chance()), chance(1))
+        )
+
+    start = sample_postures(paper(), 40, chance())[0]
+    away = moved(paper(start=start))
+    np.testing.assert_array_equal(away[:, 0], np.tile(start, (len(away), 1)))
+    assert np.ptp(away[:, -1], axis=0).max() > 0.05
+    closed = moved(round_trip())
+    assert len(closed) > 5
+    np.testing.assert_array_equal(closed[:, 0], closed[:, -1])
+
+
+@every_task
+def test_recombined_motions_stay_on_the_path_and_are_like_the_one_then_like_the_other(make):
+    task = make()
+    q = rollout_starts(task, 300, chance())[:80]
+    first, second = np.repeat(np.arange(len(q)), 4), np.tile(np.arange(len(q)), 4)
+    mixed = recombined_starts(task, q[first], q[second], chance(1))
+    assert len(mixed) > 5
+    assert task.motion(mixed).tracking_error.max() < 1e-9
+    far = np.abs(mixed[:, None] - q[None]).max(axis=3)  # at every sample
+    assert (far.min(axis=(1, 2)) < 1e-9).mean() > 0.5  # somewhere just like one of both
+    assert (far.max(axis=2).min(axis=1) > 0.1).any()  # and not everywhere
+    if task.cyclic:
+        np.testing.assert_array_equal(mixed[:, 0], mixed[:, -1])
+
+
+def test_postures_are_drawn_within_one_sided_limits():
+    task = paper(limits=Limits(position={"joint1": (-np.inf, -5.0), "joint2": (7.0, np.inf)}))
+    assert len(sample_postures(task, 40, chance())) > 10
+
+
+@every_task
+def test_charts_are_orthonormal_and_span_everything(make):
+    task = make()
+    base = rollout_starts(task, 20, chance())[:3]
+    around = build_charts(task, base)
+    both = np.concatenate([around.null_space, around.row_space], axis=-1)
+    np.testing.assert_allclose(np.swapaxes(both, -1, -2) @ both - np.eye(task.arm.dof), 0, atol=1e-10)
+
+
+@every_task
+def test_the_normal_directions_do_not_move_the_tool(make):
+    task = make()
+    base = rollout_starts(task, 20, chance())[:2]
+    around = build_charts(task, base)
+    jacobian = task_errors(task.arm, task.tasks, base, task.targets)[1]
+    assert np.abs(jacobian @ around.null_space).max() < 1e-10
+
+
+@every_task
+def test_the_normal_directions_turn_slowly_and_close_with_a_cycle(make):
+    task = make()
+    base = rollout_starts(task, 20, chance())[:3]
+    normal = build_charts(task, base).null_space
+    step = np.abs(np.diff(base, axis=1)).max(axis=(2,), keepdims=True)[..., None]
+    assert (np.abs(np.diff(normal, axis=1)) < 6 * step + 1e-2).all()
+    if task.cyclic:
+        np.testing.assert_array_equal(normal[:, 0], normal[:, -1])
+
+
+@every_task
+def test_coordinates_give_back_what_the_chart_was_asked_for(make):
+    task = make()
+    around = build_charts(task, rollout_starts(task, 20, chance())[:3])
+    which = np.array([2, 0, 1, 1])
+    y = chance(3).uniform(-0.1, 0.1, (4, 1, task.redundancy)) * np.sin(np.linspace(0, np.pi, len(task.times)))[:, None]
+    q, on_path = around.at(task, which, y)
+    assert on_path.all()
+    assert task.motion(q).tracking_error.max() < 1e-9
+    np.testing.assert_allclose(around.coordinates(task, which, q), y, atol=1e-12)
+
+
+def test_the_base_itself_has_coordinates_zero_to_the_bit():
+    task = paper()
+    base = rollout_starts(task, 20, chance())[:3]
+    q, on_path = build_charts(task, base).at(task, np.arange(3), np.zeros((3, 21, 1)))
+    assert on_path.all()
+    np.testing.assert_array_equal(q, base)
+
+
+def test_a_sample_that_jumps_to_another_sheet_is_off_the_path():
+    task = TASKS["Panda, position"]()
+    around = build_charts(task, rollout_starts(task, 60, chance())[:4])
+    y = chance(1).uniform(-1.8, 1.8, (400, 3, 4))
+    weights = np.stack([np.interp(np.linspace(0, 2, 21), [0, 1, 2], row) for row in np.eye(3)], axis=-1)
+    q, on_path = around.at(task, np.arange(400) % 4, np.einsum("tk,pkr->ptr", weights, y))
+    whole = on_path.all(axis=1)
+    assert 50 < whole.sum() < 400
+    assert np.abs(np.diff(q[whole], axis=1)).max() < 1.6
+
+
+def stretched_to(radius, sample):
+    """Return a path of points that leaves the circle of 0.3 m for one of ``radius``, reached at ``sample`` of 21."""
+    angle = np.linspace(0, 1, 21)
+    share = np.maximum(0, 1 - np.abs(np.arange(21) - sample) / 5)
+    distance = 0.3 + (radius - 0.3) * share
+    return poses(angle, np.stack([distance * np.cos(angle), distance * np.sin(angle)], axis=-1))
+
+
+@pytest.mark.parametrize("beyond", [1e-9, 1e-3])
+@pytest.mark.parametrize("sample", [0, 10, 20])
+def test_a_path_just_out_of_reach_is_refused_with_sample_distance_and_nearest_point(beyond, sample):
+    path = stretched_to(REACH + beyond, sample)
+    with pytest.raises(OutOfReach) as refused:
+        rollout_starts(task_of(tringali_3r(), path), 60, chance())
+    assert refused.value.sample == sample
+    message = str(refused.value)
+    place, gap, nearest = re.search(
+        r"(\[.*?\]) m is (\S+) m from the nearest point found, (\[.*\]) m", message
+    ).groups()
+    assert message.startswith(f"path leaves reach at sample {sample} (")
+    assert float(gap) == pytest.approx(beyond, rel=0.01)
+    np.testing.assert_allclose(eval(place), path.positions[sample], atol=1e-6)
+    np.testing.assert_allclose(eval(nearest), REACH * np.array([np.cos(sample / 20), np.sin(sample / 20)]), atol=2e-6)
+
+
+@pytest.mark.parametrize(("sample", "first"), [(0, 0), (10, 6), (20, 16)])
+def test_a_path_far_out_of_reach_is_refused_at_its_first_sample_beyond(sample, first):
+    path = stretched_to(REACH + 1.0, sample)
+    with pytest.raises(OutOfReach) as refused:
+        rollout_starts(task_of(tringali_3r(), path), 60, chance())
+    distance = np.linalg.norm(path.positions[refused.value.sample])
+    assert refused.value.sample == first
+    assert f" m is {distance - REACH:.3g} m from" in str(refused.value)
+
+
+def test_a_path_through_the_hole_around_the_base_is_refused():
+    arm = Arm.planar(lengths=[1.0, 0.3, 0.3])
+    path = line([-0.8, 0.05], [0.8, 0.05], duration=1.0, samples=41)
+    with pytest.raises(OutOfReach) as refused:
+        rollout_starts(task_of(arm, path), 60, chance())
+    distances = np.linalg.norm(path.positions, axis=1)
+    assert refused.value.sample == int(np.argmax(distances < 0.4))
+    assert f" m is {0.4 - distances[refused.value.sample]:.3g} m from" in str(refused.value)
+
+
+def test_a_closed_path_out_of_reach_is_refused_like_any_other():
+    path = circle([0.4, 0.0], 0.12, duration=1.0, samples=21)
+    with pytest.raises(OutOfReach, match=r"at sample 0 \(0 s\): \[0.52, 0.0\] m is 0.0305 m from"):
+        rollout_starts(task_of(tringali_3r(), path, cyclic=True), 60, chance())
+
+
+def test_a_path_ten_lengths_out_of_reach_is_asked_for_metres():
+    for unit, asked in ((1000.0, True), (10.0, False)):
+        path = line(unit * np.array([0.4, 0.0]), unit * np.array([0.2, 0.2]), duration=1.0, samples=21)
+        with pytest.raises(OutOfReach) as refused:
+            rollout_starts(task_of(tringali_3r(), path), 60, chance())
+        assert ("; the arm is 0.489 m long: is the path in metres?" in str(refused.value)) == asked
+
+
+def test_a_spatial_path_out_of_reach_is_refused_with_its_nearest_point():
+    path = line([0.5, 0.0, 0.333], [1.5, 0.0, 0.333], duration=1.0, samples=21)
+    with pytest.raises(OutOfReach, match=r"at sample 10 .*: \[1.0, 0.0, 0.333\] m is 0.05\d+ m from the nearest"):
+        rollout_starts(task_of(panda(), path), 60, chance())
+
+
+def test_an_orientation_out_of_reach_is_refused_with_what_is_missing_of_it():
+    path = line(Pose.planar(3.5, 0, 0), Pose.planar(3.5, 0.1, 3.0), duration=1.0, samples=21)
+    with pytest.raises(OutOfReach, match=r"there turned 0.01\d* rad away") as refused:
+        rollout_starts(task_of(marcos_nr(4), path), 60, chance())
+    w, z = path.quaternions[:, 0], path.quaternions[:, 3]
+    wrist = path.positions[:, :2] - np.stack([1 - 2 * z**2, 2 * w * z], axis=-1)
+    assert refused.value.sample == int(np.argmax(np.linalg.norm(wrist, axis=1) > 3.0))
+
+
+def test_the_second_of_two_tasks_is_named_where_it_is_the_one_out_of_reach():
+    arm = Arm.planar(lengths=[1.0] * 6)
+    elbow = Task(line([1.0, 1.0], [2.0, 1.5], duration=1.0, samples=21), frame="joint4")
+    tool = Task(line([3.0, 1.0], [5.6, 2.0], duration=1.0, samples=21))
+    with pytest.raises(OutOfReach) as refused:
+        rollout_starts(task_of(arm, [elbow, tool]), 60, chance())
+    apart = np.linalg.norm(tool.path.positions - elbow.path.positions, axis=1)
+    assert refused.value.sample == int(np.argmax(apart > 3.0))
+
+
+def test_leaving_a_stretched_posture_is_refused_with_the_condition_number():
+    task = task_of(tringali_3r(), line([REACH, 0.0], WITHIN, duration=1.0, samples=21))
+    with pytest.raises(Infeasible, match=r"condition number of the Jacobian there: \d+"):
+        rollout_starts(task, 60, chance())
+
+
+def test_leaving_a_nearly_stretched_posture_takes_closer_samples_on_the_way():
+    task = task_of(tringali_3r(), line([REACH - 1e-9, 0.0], WITHIN, duration=1.0, samples=21))
+    assert task.motion(rollout_starts(task, 60, chance())).tracking_error.max() < 1e-9
+
+
+def test_a_path_straight_through_the_base_is_no_obstacle_for_three_joints():
+    task = task_of(tringali_3r(), line([-0.3, 0.0], [0.3, 0.0], duration=1.0, samples=41))
+    q = rollout_starts(task, 60, chance())
+    assert task.motion(q).tracking_error.max() < 1e-9
+    assert np.abs(np.diff(q, axis=1)).max() <= OPTIONS.longest_jump
+
+
+def test_a_cycle_that_only_closes_after_a_whole_turn_is_refused():
+    path = circle([0.0, 0.0], 0.3, duration=1.0, samples=61, timing="uniform")
+    with pytest.raises(Infeasible, match="no cyclic motion was found"):
+        rollout_starts(task_of(tringali_3r(), path, cyclic=True), 60, chance())
+
+
+def test_where_samples_are_far_apart_closer_ones_are_taken_on_the_way():
+    task = paper(samples=4)
+    q = rollout_starts(task, 60, chance())
+    assert q.shape[1] == 4
+    assert task.motion(q).tracking_error.max() < 1e-9
