@@ -7,7 +7,7 @@ from typing import Any
 
 import lazy_loader
 
-from .capability import KEEPERS as _KEEPERS
+from .capability.keepers import KEEPERS as _KEEPERS
 
 
 def _keep_path(*arguments: Any, **named: Any) -> Any:

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from paretoik.api.infeasible_run import InfeasibleRun, is_infeasible, read_infeasible
 from paretoik.api.load import check_problem_argument, load_front, with_problem
-from paretoik.api.result import InfeasibleRun, is_infeasible, read_infeasible
 from paretoik.api.result_text import gap_text, status_text
 from paretoik.errors import InvalidInput, InvalidRun
 from paretoik.formulations.protocol import is_loop

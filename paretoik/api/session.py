@@ -11,8 +11,8 @@ from pathlib import Path, PosixPath
 from signal import SIGINT
 from typing import Any
 
+from paretoik.api.infeasible_run import InfeasibleFiles
 from paretoik.api.progress import NamedObserver, Observer, RunProgress, open_observer
-from paretoik.api.result import InfeasibleFiles
 from paretoik.errors import InvalidInput, SolverFailed, warn_user
 from paretoik.formulations.protocol import Timeline
 from paretoik.front.front import Front

@@ -3,12 +3,6 @@
 The public names stand in ``__init__.pyi`` and are loaded when they are first used.
 """
 
-from __future__ import annotations
-
-from collections.abc import Callable
-from typing import Any
-
 import lazy_loader
 
-KEEPERS: list[Callable[..., Any]] = []  # what keeps tool paths in run folders: ``api`` lies above, ``paretoik`` adds it
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

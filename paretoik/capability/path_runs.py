@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.capability import KEEPERS
+from paretoik.capability.keepers import KEEPERS
 from paretoik.capability.speed_models import SpeedModel
 from paretoik.inputs import check_flag
 

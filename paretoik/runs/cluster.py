@@ -10,39 +10,21 @@ import hashlib
 import time
 import uuid
 from collections import deque
-from collections.abc import Awaitable
-from collections.abc import Callable
-from collections.abc import Iterator
-from collections.abc import Mapping
-from collections.abc import Sequence
+from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
 from concurrent.futures import wait
 from contextlib import suppress
 from functools import partial
 from importlib.util import find_spec
-from queue import Empty
-from queue import SimpleQueue
+from queue import Empty, SimpleQueue
 from typing import Any
-from paretoik.runs.distribution import Function
-from paretoik.runs.distribution import Lost
-from paretoik.runs.distribution import Reply
-from paretoik.errors import InvalidInput
-from paretoik.runs.cluster_scheduler import connect
-from paretoik.runs.cluster_scheduler import OPTIONS
-from paretoik.runs.cluster_scheduler import ClusterOptions
-from paretoik.runs.cluster_task import Computed
-from paretoik.runs.cluster_task import Origin
-from paretoik.runs.cluster_task import Refused
-from paretoik.runs.cluster_task import Task
-from paretoik.runs.cluster_task import itself
-from paretoik.runs.cluster_task import run_task
-from paretoik.runs.cluster_scheduler import ClusterWatch
-from paretoik.runs.machine import processor
-from paretoik.runs.machine import software
-from paretoik.runs.distribution import pickled
-from paretoik.stop_flag import STOP
-from paretoik.stop_flag import Interrupted
+
+from paretoik.errors import InvalidInput, warn_user
 from paretoik.inputs import cause_of
-from paretoik.errors import warn_user
+from paretoik.runs.cluster_scheduler import OPTIONS, ClusterOptions, ClusterWatch, connect
+from paretoik.runs.cluster_task import Computed, Origin, Refused, Task, itself, run_task
+from paretoik.runs.distribution import Function, Lost, Reply, pickled
+from paretoik.runs.machine import processor, software
+from paretoik.stop_flag import STOP, Interrupted
 
 CANCELLED = ("cancelled", "lost")  # Dask's words for a future that its scheduler knows no more
 

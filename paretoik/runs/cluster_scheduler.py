@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import asyncio
 import socket
 import threading
 import time
-from collections.abc import Callable
-from typing import Any
-from paretoik.errors import InvalidInput
-from paretoik.stop_flag import STOP
-from paretoik.stop_flag import Interrupted
-import asyncio
-from collections.abc import Mapping
-from concurrent.futures import Future
-from concurrent.futures import wait
-from typing import Protocol
-from typing import runtime_checkable
-from paretoik.errors import SolverFailed
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future, wait
+from dataclasses import dataclass
+from typing import Any, Protocol, runtime_checkable
+
+from paretoik.errors import InvalidInput, SolverFailed
+from paretoik.stop_flag import STOP, Interrupted
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,21 +6,18 @@ import ctypes
 import os
 import platform
 import threading
-from collections.abc import Mapping
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
 import cloudpickle
-from paretoik.runs.distribution import Reply
-from paretoik.runs.distribution import become_worker
-from paretoik.runs.machine import difference
-from paretoik.runs.machine import processor
-from paretoik.runs.machine import software
-from paretoik.runs.worker import compute
+
+from paretoik.runs.distribution import Reply, become_worker
+from paretoik.runs.machine import difference, processor, software
 from paretoik.runs.processes import WorkerProcesses
+from paretoik.runs.worker import compute
 
 
 class Task(NamedTuple):

@@ -8,28 +8,21 @@ where their items stand, and what is remembered is remembered here.
 from __future__ import annotations
 
 import os
+import sys
 import time
-from collections.abc import Callable
-from collections.abc import Iterator
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import partial
-from typing import Any
-from typing import Protocol
-from typing import TypeAlias
-from typing import runtime_checkable
-from paretoik.runs.journal import Values
-from paretoik.runs.journal import recalled
-from paretoik.runs.journal import remembered
-from paretoik.errors import warn_user
-import sys
-from functools import cache
+from functools import cache, partial
 from types import ModuleType
+from typing import Any, Protocol, TypeAlias, runtime_checkable
+
 import cloudpickle
-from paretoik.errors import InvalidInput
-from paretoik.runs.user_code import is_library_module
+
+from paretoik.errors import InvalidInput, warn_user
 from paretoik.inputs import cause_of
+from paretoik.runs.journal import Values, recalled, remembered
+from paretoik.runs.user_code import is_library_module
 
 # What goes to workers, as bytes: objects of libraries by name, what users wrote by its content.
 

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import closing
-from contextlib import contextmanager
-from paretoik.runs.distribution import distributing
-from paretoik.errors import InvalidInput
-from paretoik.runs.processes import WorkerProcesses
-from paretoik.inputs import check_size
-from paretoik.inputs import shown
-from collections.abc import Mapping
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager
 from typing import Any
-from paretoik.runs.distribution import executor
+
+from paretoik.errors import InvalidInput
+from paretoik.inputs import check_size, shown
+from paretoik.runs.distribution import distributing, executor
 from paretoik.runs.machine import processor
+from paretoik.runs.processes import WorkerProcesses
 
 # Who computed a run: the entry ``computed`` of its `run.json`, and what it says in words.
 

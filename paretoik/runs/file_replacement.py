@@ -11,16 +11,12 @@ import fcntl
 import os
 import shutil
 import stat
-from collections.abc import Callable
-from collections.abc import Iterable
-from collections.abc import Iterator
-from collections.abc import Mapping
-from contextlib import ExitStack
-from contextlib import contextmanager
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+
 from paretoik.errors import InvalidInput
 
 SAVED = ".saved"  # a folder of files that are whole and on their way into the folder that it is in

@@ -8,25 +8,22 @@ from __future__ import annotations
 
 import errno
 import hashlib
+import io
 import json
 import math
 import os
 import stat
+import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
-from pathlib import PurePath
+from pathlib import Path, PurePath
 from typing import Any
+
 import numpy as np
-from paretoik.errors import InvalidInput
-from paretoik.errors import InvalidRun
-from paretoik.runs.file_replacement import only_writer
-from paretoik.runs.file_replacement import replace_file
-from paretoik.runs.file_replacement import replace_files
-from paretoik.paths import missing_file
-from paretoik.paths import shell_command
-import io
-import zipfile
+
+from paretoik.errors import InvalidInput, InvalidRun
+from paretoik.paths import missing_file, shell_command
+from paretoik.runs.file_replacement import only_writer, replace_file, replace_files
 
 # Arrays and tables in files that may come from anybody: what they declare is held against what is there, then read.
 #

@@ -2,42 +2,34 @@
 
 from __future__ import annotations
 
-from paretoik.errors import InvalidInput
+import copyreg
 import random
-from collections.abc import Iterator
-from collections.abc import Mapping
-from collections.abc import Set
+from collections.abc import Iterable, Iterator, Mapping, Set
 from contextlib import contextmanager
-from dataclasses import dataclass
-from dataclasses import field
+from dataclasses import MISSING, dataclass, field, fields, is_dataclass
 from enum import Enum
 from functools import cached_property
 from hashlib import blake2b
 from pathlib import PurePath
-from types import BuiltinFunctionType
-from types import FunctionType
-from types import MethodType
-from types import ModuleType
+from types import BuiltinFunctionType, FunctionType, GetSetDescriptorType, MemberDescriptorType, MethodType, ModuleType
 from typing import Any
+
 import numpy as np
-from paretoik.runs.user_code import function_parts
-from paretoik.runs.user_code import underlying
-from paretoik.runs.user_code import is_library_class
-from paretoik.runs.user_code import library_name
-import copyreg
-from collections.abc import Iterable
-from dataclasses import MISSING
-from dataclasses import fields
-from dataclasses import is_dataclass
-from types import GetSetDescriptorType
-from types import MemberDescriptorType
-from paretoik.runs.user_code import OURS
-from paretoik.runs.user_code import is_library
-from paretoik.runs.user_code import Function
-from paretoik.runs.user_code import first_argument
-from paretoik.runs.user_code import syntax_of
-from paretoik.runs.user_code import used_methods
-from paretoik.runs.user_code import written_places
+
+from paretoik.errors import InvalidInput
+from paretoik.runs.user_code import (
+    OURS,
+    Function,
+    first_argument,
+    function_parts,
+    is_library,
+    is_library_class,
+    library_name,
+    syntax_of,
+    underlying,
+    used_methods,
+    written_places,
+)
 
 # What a class and an object of it are made of.
 

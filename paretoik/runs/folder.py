@@ -2,34 +2,28 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import os
 from collections.abc import Iterator
-from contextlib import AbstractContextManager
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import BinaryIO
-from paretoik.errors import InvalidInput
-from paretoik.runs.file_replacement import SAVED
-from paretoik.runs.file_replacement import only_writer
-from paretoik.runs.file_replacement import refusal
-from paretoik.runs.files import FORMER
-from paretoik.runs.files import RUN
-from paretoik.runs.files import has_result
-from paretoik.runs.files import is_run
-from paretoik.runs.files import was_cut_off
-from paretoik.errors import warn_user
-from fnmatch import fnmatchcase
-from paretoik.runs.file_replacement import OpenFolder
-from paretoik.runs.file_replacement import is_plain_folder
-from paretoik.runs.file_replacement import move_files
-from paretoik.runs.file_replacement import plain_folder
-from paretoik.runs.file_replacement import remove
-from paretoik.runs.files import CONTENTS
-from paretoik.runs.files import can_resume
-import errno
-from contextlib import suppress
-from dataclasses import dataclass
+
+from paretoik.errors import InvalidInput, warn_user
+from paretoik.runs.file_replacement import (
+    SAVED,
+    OpenFolder,
+    is_plain_folder,
+    move_files,
+    only_writer,
+    plain_folder,
+    refusal,
+    remove,
+)
+from paretoik.runs.files import CONTENTS, FORMER, RUN, can_resume, has_result, is_run, was_cut_off
 
 # The run that a new one replaces: set aside, and put back unless the new one comes to a result.
 #

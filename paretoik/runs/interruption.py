@@ -6,26 +6,19 @@ import os
 import signal
 import socket
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
-from contextlib import suppress
-from types import FrameType
-from paretoik import stop_flag
-from paretoik.stop_flag import STOP
-from collections.abc import Callable
-from dataclasses import dataclass
-from dataclasses import field
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
 from itertools import count
 from math import inf
 from signal import SIGALRM
+from types import FrameType
+
+from paretoik import stop_flag
 from paretoik.compilation_notices import computing_clock
-from paretoik.errors import EvaluationFailed
-from paretoik.errors import InvalidInput
-from paretoik.inputs import positive_number
-from paretoik.stop_flag import Interrupted
-from paretoik.inputs import CALLS
-from paretoik.inputs import CallLimit
-from paretoik.inputs import limited_calls
+from paretoik.errors import EvaluationFailed, InvalidInput
+from paretoik.inputs import CALLS, CallLimit, limited_calls, positive_number
+from paretoik.stop_flag import STOP, Interrupted
 
 # How long a verb will still take, once its present stage has come far enough to tell.
 

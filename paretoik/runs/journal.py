@@ -20,23 +20,17 @@ import os
 import struct
 import threading
 import time
-from collections.abc import Callable
-from collections.abc import Collection
-from collections.abc import Iterator
-from collections.abc import Mapping
-from contextlib import contextmanager
-from contextlib import suppress
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
-from typing import TypeAlias
+from typing import Any, TypeAlias
+
 import numpy as np
-from paretoik.errors import InvalidInput
-from paretoik.errors import InvalidRun
-from paretoik.runs.file_replacement import plain_folder
-from paretoik.runs.file_replacement import refusal
+
+from paretoik.errors import InvalidInput, InvalidRun, warn_user
+from paretoik.runs.file_replacement import plain_folder, refusal
 from paretoik.stop_flag import STOP
-from paretoik.errors import warn_user
 
 MARK = b"paretoik journal 2\n"  # the first bytes of every frame
 HEAD = struct.Struct(f"<{len(MARK)}sQ32s")  # of a frame

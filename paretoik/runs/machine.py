@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import platform
+import sys
 from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from functools import cache
 from importlib.metadata import version
-import numpy as np
-import sys
 from pathlib import Path
-from contextlib import AbstractContextManager
 from typing import Any
+
+import numpy as np
 
 # One thread of the linear algebra libraries while a verb or a navigation computes, whatever the machine has.
 #

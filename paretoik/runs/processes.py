@@ -6,30 +6,21 @@ import os
 import socket
 import subprocess
 import time
-from collections import Counter
-from collections import deque
-from collections.abc import Iterator
-from collections.abc import Sequence
+from collections import Counter, deque
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
-from dataclasses import field
-from multiprocessing.connection import Connection
-from multiprocessing.connection import wait
+from dataclasses import dataclass, field
+from multiprocessing.connection import Connection, wait
 from typing import Any
+
 import cloudpickle
-from paretoik.runs.distribution import Function
-from paretoik.runs.distribution import Lost
-from paretoik.runs.distribution import Reply
-from paretoik.errors import SolverFailed
+
+from paretoik.errors import SolverFailed, warn_user
+from paretoik.inputs import check_size, end_late_verb
+from paretoik.runs.distribution import Function, Lost, Reply, pickled
 from paretoik.runs.machine import child_command
-from paretoik.runs.distribution import pickled
-from paretoik.runs.worker import STARTED
-from paretoik.runs.worker import Work
-from paretoik.inputs import check_size
-from paretoik.stop_flag import STOP
-from paretoik.stop_flag import Interrupted
-from paretoik.inputs import end_late_verb
-from paretoik.errors import warn_user
+from paretoik.runs.worker import STARTED, Work
+from paretoik.stop_flag import STOP, Interrupted
 
 LIBRARIES = ("OMP", "OPENBLAS", "MKL", "VECLIB_MAXIMUM", "NUMBA")  # which would have a thread a core
 ONE_THREAD = {f"{name}_THREADS" if "_" in name else f"{name}_NUM_THREADS": "1" for name in LIBRARIES}

@@ -1,22 +1,19 @@
 """What a function is made of: its code, and the values that it finds outside."""
 
 from __future__ import annotations
+import __future__
 
+import ast
 import dis
 import inspect
+import linecache
 import sys
+import sysconfig
 from collections.abc import Iterator
 from dataclasses import dataclass
-from types import CodeType
-from types import FunctionType
-from types import ModuleType
-from typing import Any
-import sysconfig
-import __future__
-import ast
-import linecache
 from functools import lru_cache
-from typing import TypeAlias
+from types import CodeType, FunctionType, ModuleType
+from typing import Any, TypeAlias
 
 # Whose code something is: a library's, which is known by its name, or a user's, which is read.
 

@@ -13,15 +13,13 @@ import time
 from multiprocessing.connection import Connection
 from queue import SimpleQueue
 from threading import Thread
-from typing import Any
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
 import cloudpickle
-from paretoik.runs.distribution import Done
-from paretoik.runs.distribution import Function
-from paretoik.runs.distribution import Raised
-from paretoik.runs.distribution import become_worker
+
 from paretoik.errors import InvalidInput
 from paretoik.inputs import cause_of
+from paretoik.runs.distribution import Done, Function, Raised, become_worker
 
 STARTED = -1  # stands for a place: the items of a message are started, one after the other
 

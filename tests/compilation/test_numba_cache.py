@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from paretoik.compilation import numba_cache as compilation
 from paretoik.compilation.numba_cache import c_function, carray, compiled
-from paretoik.compilation.numba_cache import numba_cache as compilation
 from paretoik.compilation_notices import CompilationNotice, announce, observe_compilation, print_line
 
 ROOT = Path(__file__).parents[2]

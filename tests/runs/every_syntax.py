@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from dataclasses import field
+from dataclasses import dataclass, field
 from enum import Enum
-from functools import cached_property
-from functools import lru_cache
-from functools import partial
-from functools import wraps
+from functools import cached_property, lru_cache, partial, wraps
+
 import numpy as np
 
 SCALE = 2.0

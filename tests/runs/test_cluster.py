@@ -6,24 +6,19 @@ import os
 import signal
 import threading
 import time
-from contextlib import closing
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import replace
+
 import pytest
-from paretoik.errors import InvalidInput
-from paretoik.errors import SolverFailed
+
+from paretoik.errors import InvalidInput, SolverFailed
 from paretoik.runs.cluster import Cluster
 from paretoik.runs.cluster_scheduler import OPTIONS
-from paretoik.runs.distribution import Done
-from paretoik.runs.distribution import Lost
-from paretoik.runs.distribution import Raised
+from paretoik.runs.distribution import Done, Lost, Raised
 from paretoik.runs.machine import processor
 from studies.benchmarks.scaling.local_cluster import local_cluster
 from tests.runs import work
-from tests.runs.test_processes import check_that_a_signal_ends
-from tests.runs.test_processes import is_alive
-from tests.runs.test_processes import values
-from tests.runs.test_processes import wait_until
+from tests.runs.test_processes import check_that_a_signal_ends, is_alive, values, wait_until
 
 pytest.importorskip("distributed", reason="Dask is not installed: pip install paretoik[cluster]")
 pytestmark = pytest.mark.filterwarnings("ignore:cluster. no worker at .* is waited for")

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 from contextlib import closing
+
 import pytest
+
 from paretoik.runs.distribution import distributing
-from paretoik.runs.executor import computed
-from paretoik.runs.executor import computed_text
+from paretoik.runs.executor import computed, computed_text
 from paretoik.runs.machine import processor
 from paretoik.runs.processes import WorkerProcesses
 

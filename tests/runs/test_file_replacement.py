@@ -8,13 +8,11 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+
 import pytest
+
 from paretoik.errors import InvalidInput
-from paretoik.runs.file_replacement import SAVED
-from paretoik.runs.file_replacement import only_writer
-from paretoik.runs.file_replacement import replace_file
-from paretoik.runs.file_replacement import replace_files
-from paretoik.runs.file_replacement import without_writers
+from paretoik.runs.file_replacement import SAVED, only_writer, replace_file, replace_files, without_writers
 
 OLD = {"a": b"old", "b": b"old"}
 NEW = {"a": b"new and longer", "b": b"new", "c": b"new"}

@@ -2,29 +2,32 @@
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
-import numpy as np
-import pytest
-from paretoik.errors import InvalidInput
-from paretoik.errors import InvalidRun
-from paretoik.runs.files import CHOICES
-from paretoik.runs.files import PAGE_MARK
-from paretoik.runs.files import PICTURE_MARK
-from paretoik.runs.files import RUN
-from paretoik.runs.files import check_target
-from paretoik.runs.files import digest
-from paretoik.runs.files import is_run
-from paretoik.runs.files import read_run
-from paretoik.runs.files import to_json
-from paretoik.runs.files import write_run
 import io
+import json
 import zipfile
+from pathlib import Path
+
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+import pytest
+
+from paretoik.errors import InvalidInput, InvalidRun
 from paretoik.runs.files import ARRAY_OPTIONS as OPTIONS
-from paretoik.runs.files import read_arrays
-from paretoik.runs.files import read_table
+from paretoik.runs.files import (
+    CHOICES,
+    PAGE_MARK,
+    PICTURE_MARK,
+    RUN,
+    check_target,
+    digest,
+    is_run,
+    read_arrays,
+    read_run,
+    read_table,
+    to_json,
+    write_run,
+)
 
 
 def test_a_run_is_read_as_it_was_written_with_its_format_and_its_digest(tmp_path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import signal
@@ -10,24 +11,23 @@ import sys
 import warnings
 from contextlib import suppress
 from pathlib import Path
+
 import pytest
+
 from paretoik.errors import InvalidInput
-from paretoik.runs.files import CHECKPOINT
-from paretoik.runs.files import CHOICES
-from paretoik.runs.files import CONTENTS
-from paretoik.runs.files import FORMER
-from paretoik.runs.files import JOURNAL
-from paretoik.runs.files import RECORDING
-from paretoik.runs.files import RUN
-from paretoik.runs.files import unfinished_note
-from paretoik.runs.files import write_run
-from paretoik.runs.folder import LOCK
-from paretoik.runs.folder import claim_folder
-from paretoik.runs.folder import lock_folder
-import errno
 from paretoik.runs import folder as reserved_space
-from paretoik.runs.folder import OPTIONS
-from paretoik.runs.folder import ReservedSpace
+from paretoik.runs.files import (
+    CHECKPOINT,
+    CHOICES,
+    CONTENTS,
+    FORMER,
+    JOURNAL,
+    RECORDING,
+    RUN,
+    unfinished_note,
+    write_run,
+)
+from paretoik.runs.folder import LOCK, OPTIONS, ReservedSpace, claim_folder, lock_folder
 from studies.benchmarks.reliability.full_disk import namespaces_can_mount
 
 HOLDER = """

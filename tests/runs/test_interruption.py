@@ -5,26 +5,20 @@ from __future__ import annotations
 import os
 import signal
 import threading
-import numba
-import pytest
-from paretoik.runs.interruption import interruptible
-from paretoik.stop_flag import STOP
-from paretoik.stop_flag import Interrupted
-from paretoik.stop_flag import check_interruption
 import time
 from dataclasses import dataclass
-from paretoik import compilation_notices
-from paretoik.compilation_notices import begin_compilation
-from paretoik.compilation_notices import computing_clock
-from paretoik.compilation_notices import end_compilation
-from paretoik.errors import InvalidInput
-from paretoik.runs.interruption import reserve_time
-from paretoik.runs.interruption import time_limit
+
+import numba
 import numpy as np
+import pytest
+
 import paretoik as pk
+from paretoik import compilation_notices
 from paretoik.api.certified_front import LaterTime
-from paretoik.runs.interruption import OPTIONS
-from paretoik.runs.interruption import time_left
+from paretoik.compilation_notices import begin_compilation, computing_clock, end_compilation
+from paretoik.errors import InvalidInput
+from paretoik.runs.interruption import OPTIONS, interruptible, reserve_time, time_left, time_limit
+from paretoik.stop_flag import STOP, Interrupted, check_interruption
 from tests.api.problems import tracking
 
 

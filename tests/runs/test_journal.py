@@ -5,23 +5,25 @@ from __future__ import annotations
 import hashlib
 import os
 import struct
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from hypothesis.extra.numpy import array_shapes
-from hypothesis.extra.numpy import arrays
-from paretoik.errors import InvalidInput
-from paretoik.errors import InvalidRun
-from paretoik.runs.journal import HEAD
-from paretoik.runs.journal import MARK
-from paretoik.runs.journal import Journal
-from paretoik.runs.journal import JournalOptions
-from paretoik.runs.journal import is_journalled
-from paretoik.runs.journal import journalled
-from paretoik.runs.journal import key_of
-from paretoik.runs.journal import recalled
-from paretoik.runs.journal import remembered
+from hypothesis.extra.numpy import array_shapes, arrays
+
+from paretoik.errors import InvalidInput, InvalidRun
+from paretoik.runs.journal import (
+    HEAD,
+    MARK,
+    Journal,
+    JournalOptions,
+    is_journalled,
+    journalled,
+    key_of,
+    recalled,
+    remembered,
+)
 from paretoik.stop_flag import STOP
 
 ENTRIES = {

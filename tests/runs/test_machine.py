@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+
 import pytest
-import scipy.linalg
-from threadpoolctl import threadpool_info
-from threadpoolctl import threadpool_limits
+from threadpoolctl import threadpool_info, threadpool_limits
+
 from paretoik.api.session import verb_session
 from paretoik.runs.machine import single_blas_thread
 

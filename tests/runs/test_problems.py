@@ -5,14 +5,14 @@ from __future__ import annotations
 import shutil
 from contextlib import suppress
 from pathlib import Path
+
 import numpy as np
 import pytest
 from pymoo.core.problem import Problem
 from pymoo.problems import get_problem
+
 import paretoik as pk
-from paretoik.runs.fingerprint import SCHEME
-from paretoik.runs.fingerprint import check_fingerprint
-from paretoik.runs.fingerprint import fingerprint
+from paretoik.runs.fingerprint import SCHEME, check_fingerprint, fingerprint
 from tests.closed_loop.postures import posture
 from tests.runs.variants import variants
 

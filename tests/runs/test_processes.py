@@ -11,15 +11,13 @@ import time
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
+
 import pytest
+
 from paretoik.errors import InvalidInput
-from paretoik.runs.distribution import Done
-from paretoik.runs.distribution import Lost
-from paretoik.runs.distribution import Raised
-from paretoik.runs.processes import OPTIONS
-from paretoik.runs.processes import WorkerProcesses
-from paretoik.stop_flag import STOP
-from paretoik.stop_flag import Interrupted
+from paretoik.runs.distribution import Done, Lost, Raised
+from paretoik.runs.processes import OPTIONS, WorkerProcesses
+from paretoik.stop_flag import STOP, Interrupted
 from tests.runs import work
 
 ROOT = Path(__file__).parents[2]

@@ -8,13 +8,14 @@ import subprocess
 import sys
 from pathlib import Path
 from types import SimpleNamespace
+
 import numpy as np
 import pytest
+
 import paretoik as pk
 from paretoik.runs.fingerprint import fingerprint
 from tests.runs.every_syntax import EVERYTHING
-from tests.runs.users_code import PREFIX
-from tests.runs.users_code import loader
+from tests.runs.users_code import PREFIX, loader
 
 ROOT = Path(__file__).parents[2]
 SOURCE = """

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator
-from collections.abc import Mapping
-from dataclasses import fields
-from dataclasses import is_dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import fields, is_dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
+
 import numpy as np
+
 from paretoik.runs.fingerprint import EVALUATION
 
 OPAQUE = (type, type(len), type(lambda: None), Path)  # code, and where files are: other tests change these

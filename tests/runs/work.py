@@ -12,6 +12,7 @@ import sys
 import time
 from pathlib import Path
 from typing import Any
+
 from paretoik.runs.distribution import threads
 from paretoik.runs.processes import WorkerProcesses
 
