@@ -347,7 +347,7 @@ def _packed_bundle() -> str:
 
 @cache
 def _page_file(name: str) -> str:
-    return files("paretoik.review.report").joinpath("page", name).read_text(encoding="utf-8")
+    return files("paretoik.review").joinpath("page", name).read_text(encoding="utf-8")
 
 
 @cache
